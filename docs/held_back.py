@@ -17,7 +17,7 @@ import numpy as np
 
 import seatrial as st
 from seatrial.core.files import write_text
-from seatrial.estimation.diagnostics.robust_errors import robust_errors
+from seatrial.estimation.diagnostics.error_budget import error_budget
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior, values_of
 from seatrial.estimation.prediction.pooled_coverage import RunResiduals, pooled_verdict, run_residuals
@@ -212,7 +212,7 @@ def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dic
     found = pooled_verdict([residuals(posterior, draws, record) for record in new], "u")
     beyond = np.abs(np.concatenate([residuals(posterior, draws, record).z for record in further]))
     held = {"as stated": 1.0, "widened": found.widen, "widened most": found.widen_upper}
-    wide = robust_errors(posterior, mode)
+    wide = error_budget(posterior, mode)
     covered = {}
     for name, value in truth.items():
         column = draws.array([name])[:, 0]

@@ -18,7 +18,7 @@ from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.workflow.steps import STEPS, Workflow
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.reporter import no_progress
-from seatrial.estimation.diagnostics.robust_errors import robust_errors
+from seatrial.estimation.diagnostics.error_budget import error_budget
 from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.sampling import sampler
@@ -34,7 +34,7 @@ ROADS = {
     "trials": ["simulate_trial", "join_logs"],
     "screening": ["make_posterior", "screen", "screen_about_mode"],
     "candidates": ["make_posterior", "screen", "screen_about_mode"],
-    "estimates": ["make_posterior", "find_mode", "uncouple", "spread_starts", "robust_errors", "diagnose"],
+    "estimates": ["make_posterior", "find_mode", "uncouple", "spread_starts", "error_budget", "diagnose"],
     "selection": ["make_posterior", "run_task", "select", "find_mode", "predict"],
     "chosen": [],
     "full": [],
@@ -228,8 +228,8 @@ def test_estimate(flow, posterior, mode):
 
 
 def model_error_sd(posterior, mode, draws):
-    robust, sd = robust_errors(posterior, mode), draws.std(axis=(0, 1))
-    wider = [robust.wider(name, float(one)) for name, one in zip(posterior.names, sd, strict=True)]
+    budget, sd = error_budget(posterior, mode), draws.std(axis=(0, 1))
+    wider = [budget.wider(name, float(one)) for name, one in zip(posterior.names, sd, strict=True)]
     return [np.nan if one is None else one for one in wider]
 
 

@@ -12,11 +12,12 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import modes
-from seatrial.campaign.inference.omitted_effects import remedies_of
+from seatrial.campaign.inference.model_error import remedies_of
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
-from seatrial.estimation.diagnostics.candidate_effects import candidate_effects
+from seatrial.estimation.diagnostics.error_budget import EXACT
+from seatrial.estimation.diagnostics.error_sources import lay_out
 from seatrial.estimation.diagnostics.prior_checks import _remedy
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform
@@ -165,9 +166,12 @@ def edited(text, kind, of, said):
         optional = tomllib.loads(text)["structure"].get("optional", [])
         text = re.sub(r"\noptional = .*", "", text)
         return text.replace("[structure]\n", f"[structure]\noptional = {[*optional, name]}\n") + prior.format(name)
-    if kind == "command lead":
-        assert 'write between = "line" for its channel' in said
-        return re.sub(rf"({of} = {{[^}}]*) }}", r'\1, between = "line" }', text)
+    if kind == "clock":
+        assert 'write between = "line" for their channels' in said
+        return re.sub(r'(quantity = "control"[^}}]*) }}', r'\1, between = "line" }', text)
+    if kind == "smooth force":
+        assert "structure.optional, with priors" in said
+        return text
     if kind == "command offset":
         assert "`offset` of its channel" in said
         return re.sub(rf"({of} = {{[^}}]*) }}", r"\1, offset = 0.5 }", text)
@@ -180,6 +184,10 @@ def edited(text, kind, of, said):
     lag = f"if [vehicle] has `moves`, add [vehicle.actuators.{of}]"
     assert said.startswith((lag, "give `delay` a prior, [prior.delay]") if kind == "command lag" else "give `delay`")
     return text + sections(said.replace("its lag, for example ", ""))
+
+
+def looked_for(posterior):
+    return [one.effect for one in lay_out(posterior, np.zeros(posterior.dim), EXACT).sources]
 
 
 def with_moves(folder):
@@ -195,7 +203,7 @@ def test_every_effect_that_a_model_may_lack(tmp_path, make):
     records = get_trials(campaign).fit
     posterior = build_posterior(campaign, campaign.full, records)
     named = {one.text for one in posterior.likelihood.model.coefficients}
-    found = [one for one in candidate_effects(posterior) if one.of not in named]
+    found = [one for one in looked_for(posterior) if one.of not in named]
     assert {one.kind for one in found} > {"force", "command offset", "command lag", "sensor offset", "start"}
     for one in found:
         names = remedies_of(posterior, [one])
@@ -211,7 +219,7 @@ def test_every_effect_that_a_model_may_lack(tmp_path, make):
             if one.kind == "force":
                 assert one.of in has
             elif one.kind in ("command lag", "delay", "sensor offset", "start", "thrust loss"):
-                assert one not in [*candidate_effects(wider)] or again.has_delay, said
+                assert one not in looked_for(wider) or again.has_delay, said
 
 
 def rows(reverse=1.0, early=0.0, late=0, spikes=False):

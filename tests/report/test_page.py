@@ -335,11 +335,11 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     verdict = replace(ENTRIES["residuals-correlated"].example, remedies=("drifting-noise",))
     fits = tuple(replace(fit, verdict=verdict) for fit in outcome.fits if not fit.held_back)
     summary = replace(outcome.summary, cautions=tuple(sentences(fit_complaints(fits))))
-    noise = Finding("model-error-wide", "note", ("X_u",), {"effects": (), "differ": "blocks"}, ("better-noise",))
+    noise = Finding("model-error-wide", "note", ("X_u",), {"effects": ()}, ("better-noise",))
     outcome = replace(outcome, chosen=replace(outcome.chosen, model_error_findings=(noise,)))
     html = render(replace(outcome, summary=summary, fits=fits, cross_validation=None))
     assert html.lower().count("set estimation.residuals") == 1
-    assert "most of the ± with model error is from blocks. Set estimation.residuals" in render(outcome)
+    assert "most of the ± with model error is from slow errors of the sensors. Set estimation.residuals" in render(outcome)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -10,26 +10,32 @@ from seatrial.messages.entry import Entry, Remedy
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.diagnostics.omitted_effects import MIN_LOG_ODDS, MIN_SHIFT
-    from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
+    from seatrial.estimation.diagnostics.error_budget import MIN_LOG_ODDS, MIN_SD_RATIO, MIN_SHIFT
 
     return {"MIN_SHIFT": MIN_SHIFT, "MIN_LOG_ODDS": MIN_LOG_ODDS, "MIN_SD_RATIO": MIN_SD_RATIO}
+
+
+SLOW_RESIDUALS = "slow errors of the sensors"
 
 
 def effect_name(kind: str, of: str) -> str:
     """Return the name of an effect that a model may lack.
 
     Args:
-        kind: of `Effect` of `estimation.diagnostics.candidate_effects`.
-        of: coefficient, control, channel or state.
+        kind: of `Effect` of `estimation.diagnostics.error_sources`.
+        of: axis, coefficient, control, channel or state; empty for all commands.
     """
     return {
         "force": f"a force {of}",
-        "command lag": f"a lag of the actuator of {of}",
+        "inertia": f"the stated inertia along {of}",
+        "scale": f"the scale of the sensor of {of}",
+        "clock": "commands that act before their stamps, by a lead",
+        "run force": f"a force {of}_0 that differs from run to run",
+        "smooth force": f"a force along {of} that no term of the model has, by a share",
+        "command lag": f"a lag of the actuator of {of}" if of else "a lag of all actuators",
         "delay": "a delay of the actuators",
         "thrust loss": "a thrust that falls with the speed, by a share",
         "command offset": f"an offset of the command {of}",
-        "command lead": f"a command {of} that acts before its stamps, by a lead",
         "sensor offset": f"an offset of {of}, a bias of the sensor or a current,",
         "start": f"a start of {of} that differs from the assumed one, by an error",
     }[kind]
@@ -50,7 +56,7 @@ def _missing(values: Mapping[str, Any]) -> str:
 
 
 def _wide(values: Mapping[str, Any]) -> str:
-    cause = effect_names(values["effects"]) if values["effects"] else values["differ"]
+    cause = effect_names(values["effects"]) or SLOW_RESIDUALS
     return f"{{subject:and}}: most of the ± with model error is from {cause}"
 
 
@@ -59,7 +65,7 @@ def _of(kind: str, values: Mapping[str, Any]) -> list[str]:
 
 
 def _lag(values: Mapping[str, Any]) -> str:
-    tables = listed([f"[vehicle.actuators.{of}]" for of in _of("command lag", values)])
+    tables = listed([f"[vehicle.actuators.{of or 'NAME'}]" for of in _of("command lag", values)])
     return f'if [vehicle] has `moves`, add {tables} with its lag, for example lag = "0.3 s"'
 
 
@@ -82,21 +88,24 @@ ENTRIES = {
             "sensor-bias",
             "estimated-start",
             "see-selection",
+            "compare-runs",
+            "wider-structure",
         ),
     ),
     "model-error-wide": Entry(
         title="Model error",
         sentence=_wide,
-        meaning="The ± within the model is not enough: blocks of data or effects that the model may lack move the value further.",
+        meaning="The ± within the model is not enough: effects that the model may lack, runs that differ, or errors of the sensors that "
+        "last move the value further.",
         decided="The standard deviation with model error is more than {MIN_SD_RATIO:g} times that within the model.",
         example=Finding(
             "model-error-wide",
             "note",
             ("X_u",),
-            {"effects": (("force", "X_uuu"),), "differ": ""},
-            ("better-noise", "add-force"),
+            {"effects": (("force", "X_uuu"),)},
+            ("add-force",),
         ),
-        remedies=("better-noise", "drifting-too", "add-force", "compare-runs", "compare-blocks"),
+        remedies=("better-noise", "add-force", "compare-runs", "compare-blocks"),
     ),
 }
 REMEDIES = {
@@ -110,11 +119,9 @@ REMEDIES = {
         python="give `delay` a prior",
     ),
     "measured-command": Remedy(
-        command=lambda values: (
-            f"if {listed(_of('command lead', values), 'or')} was measured and this is half its sampling time, "
-            'write between = "line" for its channel in [import]; else correct `shift` of its file'
-        ),
-        python='if the command was measured and this is half its sampling time, give between="line"',
+        command='if the commands were measured and this is half their sampling time, write between = "line" for their channels in '
+        "[import]; else correct `shift` of their file",
+        python='if the commands were measured and this is half their sampling time, give between="line"',
     ),
     "thrust-loss": Remedy(
         command="add the loss of thrust to structure.optional, with a prior: T_un for a propeller, T_f and T_uabsf for thrusters, "
@@ -142,9 +149,9 @@ REMEDIES = {
         command='set estimation.residuals = "drifting": the residuals are correlated',
         python='give the sensors noise="drifting": the residuals are correlated',
     ),
-    "drifting-too": Remedy(
-        command='set estimation.residuals = "drifting": there is white noise on slow residuals',
-        python='give the sensors noise="drifting": there is white noise on slow residuals',
+    "wider-structure": Remedy(
+        command="add terms to structure.optional, with priors, or give the axis a force with memory by a prior of `disturbance`",
+        python="make further terms free, with priors, or give the axis a force with memory by a prior of `disturbance`",
     ),
     "compare-runs": Remedy(
         command="look for what changed between the runs, or let a coefficient vary by estimation.varying",

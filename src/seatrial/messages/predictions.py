@@ -11,7 +11,7 @@ from seatrial.estimation.prediction.fitted_range import Outside
 
 if TYPE_CHECKING:
     from seatrial.estimation.diagnostics.calibration import Calibration
-    from seatrial.estimation.diagnostics.robust_errors import Pieces, RobustErrors
+    from seatrial.estimation.diagnostics.error_budget import ErrorBudget
     from seatrial.estimation.prediction.short_horizon import ShortHorizon
 
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
@@ -148,29 +148,20 @@ def _in_runs(one: Comparison) -> str:
     return f" in {better} of {count} runs{far}{worse}"
 
 
-def model_error_text(robust: "RobustErrors") -> str:
-    """Return the tests behind the ± with model error, that no value needs one, or that there is none and why."""
-    from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
+def model_error_text(budget: "ErrorBudget") -> str:
+    """Return what the ± with model error contains, that no value needs one, or that there is none."""
+    from seatrial.estimation.diagnostics.error_budget import MIN_SD_RATIO
 
-    pieces, tests, is_wider = robust.pieces, [], bool((robust.ratio > MIN_SD_RATIO).any())
+    if not budget.tried:
+        return "± with model error: not judged; the process noise stands for what the model lacks"
+    did = f"{len(budget.tried)} effects that the model may lack, runs that differ, and errors of the sensors that last"
     beyond = "Effects that are not tried can move values further."
-    if pieces.count:
-        few = f" (widened for so few: Student's t, {pieces.freedom} degrees of freedom)"
-        tests.append(f"left out each of {pieces.basis}{few if is_wider else ''}")
-    if robust.omitted.tried:
-        tests.append(f"tried {len(robust.omitted.tried)} effects that the model may lack")
-    if not tests:
-        return f"± with model error: not judged; {pieces.basis}"
-    did = f"seatrial {' and '.join(tests)}"
-    why = "" if pieces.count else f" Nothing was left out: {pieces.basis}."
-    if not is_wider:
-        return f"± with model error: not needed. {did}; no value moved much beyond its ±.{why} {beyond}"
-    return f"± with model error: how far a value moved when {did}.{why} It is printed if it is more than half larger. {beyond}"
-
-
-def pieces_text(pieces: "Pieces") -> str:
-    """Return the parts of the data that differ by more than the noise says."""
-    return "runs that differ" if pieces.are_runs else "blocks of time that differ"
+    if not (budget.ratio > MIN_SD_RATIO).any():
+        return f"± with model error: not needed. seatrial tried {did}; no value moved much beyond its ±. {beyond}"
+    return (
+        f"± with model error: how far a value may be off if seatrial averages over {did}. It is printed if it is more than half larger. "
+        f"{beyond}"
+    )
 
 
 def calibration_lines(calibration: "Calibration") -> list[str]:

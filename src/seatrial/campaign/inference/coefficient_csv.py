@@ -26,7 +26,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
-from seatrial.estimation.diagnostics.robust_errors import MIN_SD_RATIO
+from seatrial.estimation.diagnostics.error_budget import MIN_SD_RATIO
 from seatrial.selection.verdict import Selection, StoredAverage, averaged
 
 OF_STRUCTURES = (

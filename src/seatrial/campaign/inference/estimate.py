@@ -12,8 +12,8 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
+from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
-from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out, tried_effects
 from seatrial.campaign.inference.posterior import is_whole, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
@@ -24,9 +24,9 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.estimation.diagnostics.error_budget import ErrorBudget, error_budget
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.diagnostics.prior_checks import prior_findings
-from seatrial.estimation.diagnostics.robust_errors import RobustErrors, robust_errors
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior.posterior import Posterior
@@ -54,7 +54,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with findings about model error and bounds, and the effects tried",
+        "posterior, with its error budget, findings about bounds, and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.estimation, campaign.seed),
     )
@@ -147,7 +147,7 @@ class _Ended(NamedTuple):
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
-    posterior, mode, robust, target, there = study.once(
+    posterior, mode, budget, target, there = study.once(
         ("mode", structure.terms), lambda: _prepare(study, structure, item.mode)
     )
     table = campaign.estimation
@@ -169,8 +169,8 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
             return _Unended(structure, item.mode, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
-    missing = left_out(posterior, structure, robust.omitted)
-    return _Ended(_estimate(structure, posterior, mode, robust, missing, draws, campaign.hull.trim, doubts))
+    missing = left_out(posterior, structure, budget)
+    return _Ended(_estimate(structure, posterior, mode, budget, missing, draws, campaign.hull.trim, doubts))
 
 
 def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable) -> Draws | None:
@@ -184,7 +184,7 @@ def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTa
 
 def _prepare(
     study: Study, structure: Structure, mode: Mode | NumericalError
-) -> tuple[Posterior, Mode, RobustErrors, Target, Mode]:
+) -> tuple[Posterior, Mode, ErrorBudget, Target, Mode]:
     """Posterior and mode of a structure, what leaving out data does to it, and both in the coordinates in which it is sampled."""
     campaign, posterior = study.campaign, study.posterior(structure)
     if isinstance(mode, NumericalError):
@@ -192,14 +192,14 @@ def _prepare(
     own = mode.only(posterior.places)
     if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, own)
-    return posterior, mode, robust_errors(posterior, mode), *uncouple(posterior, mode)
+    return posterior, mode, error_budget(posterior, mode), *uncouple(posterior, mode)
 
 
 def _estimate(
     structure: Structure,
     posterior: Posterior,
     mode: Mode,
-    robust: RobustErrors,
+    budget: ErrorBudget,
     missing: tuple[Finding, ...],
     draws: Draws,
     at: Mapping[str, float],
@@ -214,7 +214,7 @@ def _estimate(
     known = identifiability_of_fit(posterior, mode, flat, at)
     cautions = [*doubts, *identifiability_cautions(known), *prior_findings(posterior, mode, flat)]
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
-    wider = {name: robust.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
+    wider = {name: budget.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
     wide = {name: one for name, one in wider.items() if one is not None}
     per_parameter = {
         "mode": mode.values,
@@ -255,10 +255,10 @@ def _estimate(
         cautions=tuple(cautions),
         at_bounds=tuple(sentences(mode.at_bounds)),
         left_out=missing,
-        model_error=model_error_text(robust),
-        model_error_causes=causes_of(robust, wide),
-        model_error_findings=tuple(findings_of(posterior, robust, wide)),
-        tried_effects=tried_effects(robust.omitted),
+        model_error=model_error_text(budget),
+        model_error_causes=causes_of(budget, wide),
+        model_error_findings=tuple(findings_of(posterior, budget, wide)),
+        tried_effects=tried_effects(budget),
     )
 
 

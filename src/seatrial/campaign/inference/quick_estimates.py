@@ -25,8 +25,8 @@ from seatrial.campaign.inference.judge_predictions import (
     predict_held_back,
     predictions_of,
 )
+from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out
 from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
-from seatrial.campaign.inference.omitted_effects import causes_of, findings_of, left_out
 from seatrial.campaign.inference.posterior import is_whole
 from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
@@ -36,8 +36,8 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
+from seatrial.estimation.diagnostics.error_budget import error_budget
 from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
-from seatrial.estimation.diagnostics.robust_errors import robust_errors
 from seatrial.estimation.posterior.mode import Mode, draw_about, find_mode
 from seatrial.estimation.posterior.posterior import Posterior, values_of
 from seatrial.estimation.regression.equation_error import (
@@ -64,7 +64,7 @@ BRIDGED = 0.25  # Distance from the nearest measured speed, in windows, up to wh
 DESIGNED_FROM = 800  # Draws about a mode from which the next trial is designed: half choose, half judge the limits
 # Structures of which the standard deviations with model error are told at first sight; of more they would take longer
 # than the modes.
-MOST_ROBUST = 8
+MOST_BUDGETS = 8
 MODE = (
     "first answers: the posterior mode, with standard deviations of a normal approximation, which is not checked; "
     "`seatrial estimate` without --by samples the whole posterior"
@@ -228,7 +228,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
     campaign, posterior = study.campaign, study.posterior(structure)
     if isinstance(whole, NumericalError):
         return FirstAnswer(structure, alarm=f"{structure.label}: {whole}")
-    robust = robust_errors(posterior, whole) if len(campaign.structures) <= MOST_ROBUST else None
+    budget = error_budget(posterior, whole) if len(campaign.structures) <= MOST_BUDGETS else None
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
     if is_whole(structure, campaign.structures):
@@ -238,17 +238,17 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)
     )
     flat = "in one direction the posterior is flat, and its standard deviations are those of the prior there"
-    missing = left_out(posterior, structure, robust.omitted) if robust else ()
+    missing = left_out(posterior, structure, budget) if budget else ()
     cautions = (
         [flat] * mode.flat
         + [*mode.at_bounds]
         + prior_contradictions(posterior, mode)
-        + (long_steps(posterior, whole, study.records) if robust else [])
+        + (long_steps(posterior, whole, study.records) if budget else [])
         + [*missing]
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    wider_sds = {name: robust.wider(name, sd) for name, _, ((_, sd),) in rows} if robust else {}
+    wider_sds = {name: budget.wider(name, sd) for name, _, ((_, sd),) in rows} if budget else {}
     wider = {name: sd for name, sd in wider_sds.items() if sd is not None}
     return FirstAnswer(
         structure,
@@ -259,8 +259,8 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
         wider=wider,
-        wider_causes=causes_of(robust, wider) if robust else {},
-        wider_words=(model_error_text(robust), *map(sentence, findings_of(posterior, robust, wider))) if robust else (),
+        wider_causes=causes_of(budget, wider) if budget else {},
+        wider_words=(model_error_text(budget), *map(sentence, findings_of(posterior, budget, wider))) if budget else (),
         drawn=more,
         symmetry=symmetry_of(campaign.vehicle, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

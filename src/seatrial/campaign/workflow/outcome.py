@@ -110,8 +110,8 @@ class Outcome:
     @property
     def wider_findings(self) -> list[Finding]:
         """What makes most of the ± with model error, but for the noise where a caution asks for another model of it already."""
-        noise = (("better-noise",), ("drifting-too",))
-        return [one for one in self.chosen.model_error_findings if not (one.remedies in noise and self.disowned)]
+        found = self.chosen.model_error_findings
+        return [one for one in found if not (one.remedies == ("better-noise",) and self.disowned)]
 
     @property
     def other_alarms(self) -> list[str]:

@@ -1,0 +1,573 @@
+"""Standard deviations that contain every error: noise, what is stated, differences between runs, and what the model may lack.
+
+About the mode all is linear and normal: measurements y = J z + G w + e, with the sensitivities J of the parameters z and G of the sizes w
+of the sources (`error_sources`), and noise e of covariance R. For a set S of sources with standard deviations s the parameters and the
+sizes have, with W = diag(1 / s^2) and the curvature P of the prior about its peak m,
+
+    precision   H = [J G]' R^-1 [J G] + diag(P, W)
+    values      H^-1 ([J G]' R^-1 y + (P m, 0))
+    log p(y|S)  = log N(y - J z - G w; 0, R) - 1/2 (z - m)' P (z - m) - 1/2 w' W w - 1/2 log|H| + 1/2 log|W| + constant
+
+Which sources there are, and how large, is not known: their sets are averaged by these densities times their prior probabilities. Stated
+sources are in each set. None of the others is there with the probability `NOTHING`; a term of another structure is as probable as not, and
+has its own prior. The noise of each channel is the one that makes the residuals of a set most probable, among the shape at
+the mode and such with a smaller slow part: what a source explains was a part of the noise. A set is followed: the motion and its
+sensitivities are found anew at the values of the best one, until these stay.
+
+A parameter lies within x of its value at the mode with the probability sum_S p_S [Phi((x - shift_S) / sd_S) - Phi((-x - shift_S) / sd_S)]
+(Hoeting et al., Statistical Science 14, 1999). The standard deviation with all errors is the x of 90 %, over that of one normal
+density: the variance of the average would be that of sets of little probability.
+
+An estimate of a linear model is off by the sum of what each source does, so that its variance is the sum over sources: with K the gain of z
+on y, K R K' is that of the noise, and (K G)_j^2 s_j^2 that of a source j.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.special import ndtr, ndtri
+
+from seatrial.compiled.programs import program
+from seatrial.estimation.diagnostics.error_sources import (
+    LAGS,
+    Effect,
+    Perturbed,
+    Source,
+    StatedErrors,
+    lay_out,
+    linearise,
+)
+from seatrial.estimation.posterior.mode import Mode, expand_prior
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.priors import Prior, Uniform
+from seatrial.estimation.simulation.sensor_errors import (
+    Sensor,
+    correlation_name,
+    drift_name,
+    drift_time_name,
+    noise_name,
+)
+from seatrial.estimation.simulation.trial_data import FOREVER, ChannelData
+
+NOTHING = 0.9  # Probability that none of the sources that are looked for is there
+SHARES = np.geomspace(0.003, 3.0, 7)  # Standard deviations of sizes that are found, shares of the force
+SHRUNK = (1.0, 0.3, 0.1, 0.0)  # Slow parts of a noise that are tried, over that at the mode
+# Slow parts that are tried under a noise taken as white: sizes, over the white part, and memories, in intervals of the
+# samples.
+SLOW, LENGTHS = (0.5, 2.0), (5.0, 50.0, 500.0)
+MAX_SOURCES, KEPT = 3, 4  # Sources in a set at most, and sets to which another is added
+MIN_LOG_SHARE = -6.0  # Log probability of such a set, over that of the best
+ROUNDS, SETTLED = 9, 0.2  # Rounds in which sets are followed at most; move of a value, over its sd, that ends them
+WIDE_LAGS, CLOSE_LAGS, NEAR_LAG = 1.3, 1.05, 0.1  # Ratios about a lag that was found, and its move that narrows them
+LATE = "command lag", "delay"  # Effects whose size is a lag
+MIN_LATE, MIN_LAG = 0.2, 0.02  # Share of a command that comes late, and lag, s, from which a lag is followed
+NOISE_ROUNDS, NOISE_SETTLED = (
+    6,
+    1e-3,
+)  # Rounds in which the noise of a set is found at most, and the gain that ends them
+# Probability below the upper end of a 90 % interval, and halvings by which that end is found.
+BAND, BISECTIONS = 0.95, 50
+# Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong
+# evidence (Kass and Raftery, Journal of the American Statistical Association 90, 1995).
+MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
+MIN_SD_RATIO = 1.5  # Ratio of the two standard deviations from which both are shown
+MIN_ALIKE_SHARE = 0.05  # Probability of an effect in place of the one that is found, from which it is named beside it
+MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5  # Sources named as a cause at most, and their share of what the first of them adds
+TINY = float(np.finfo(float).tiny)
+ORIGINS = ("noise", "stated", "runs", "model")
+EXACT = StatedErrors(0.0, 0.0, 0.0)
+
+
+class Omitted(NamedTuple):
+    """An effect that the model lacks.
+
+    Attributes:
+        effect: which.
+        size: its estimated size, in its own unit.
+        sd: standard error of the size.
+        log_odds: that it is there.
+        shift: by how much the parameters would move if it were added, over their standard deviations, shape (k,).
+        alike: effects that may be there in its place.
+    """
+
+    effect: Effect
+    size: float
+    sd: float
+    log_odds: float
+    shift: Float[np.ndarray, " k"]
+    alike: tuple[Effect, ...]
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Standard deviations with all errors, of each of the k parameters that all runs share.
+
+    Attributes:
+        names: of the parameters.
+        ratio: standard deviation with all errors, over that of the normal approximation within the model, shape (k,).
+        shares: of the variance from each of `ORIGINS`, shape (4, k).
+        causes: sources that make most of what the noise does not, by parameter.
+        omitted: effects that are there more probably than not, the most probable first.
+        tried: effects that were looked for; none where the likelihood has process noise, or is one's own.
+        stated: of each stated source its value after the data and its standard deviation, over the one stated.
+        slow: channels whose residuals are slow although their noise is taken as white.
+        farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
+            prior alone.
+    """
+
+    names: tuple[str, ...]
+    ratio: Float[np.ndarray, " k"]
+    shares: Float[np.ndarray, "4 k"]
+    causes: tuple[tuple[Effect, ...], ...]
+    omitted: tuple[Omitted, ...]
+    tried: tuple[Effect, ...]
+    stated: Mapping[Effect, tuple[float, float]]
+    slow: tuple[str, ...]
+    farthest: Float[np.ndarray, " k"]
+
+    def wider(self, name: str, within: float) -> float | None:
+        """Return the standard deviation of a parameter with all errors, at most that of its prior about the value.
+
+        Args:
+            name: of the parameter.
+            within: its standard deviation within the model.
+
+        Returns:
+            None where it is less than half as large again, or a run has the parameter of its own.
+        """
+        if name not in self.names or self.ratio[at := self.names.index(name)] <= MIN_SD_RATIO:
+            return None
+        stated = min(within * float(self.ratio[at]), float(self.farthest[at]))
+        return stated if stated > MIN_SD_RATIO * within else None
+
+    def is_prior(self, name: str, wider: float) -> bool:
+        """Whether a standard deviation of `wider` is that of the prior about the value, which is to say that nothing narrows it."""
+        return wider >= 0.999 * float(self.farthest[self.names.index(name)])
+
+    def cause(self, name: str) -> tuple[Effect, ...]:
+        """Return the sources that make most of the mean square error of a parameter; none where slow residuals do."""
+        at = self.names.index(name)
+        return self.causes[at] if self.shares[0, at] < 0.5 else ()
+
+
+def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = EXACT) -> ErrorBudget:
+    """Return the standard deviations at the mode with all errors, and what they are made of.
+
+    Args:
+        posterior: of records; of a log density of one's own, and of one with process noise, the normal approximation is all there is.
+        mode: of the posterior, all its parameters.
+        stated: standard deviations of what no residual shows; exact where not given.
+    """
+    shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
+    names = tuple(posterior.names[i] for i in shared)
+    values = dict(zip(mode.names, mode.values, strict=True))
+    priors = {one.name: one.prior for one in posterior.parameters}
+    farthest = np.array([np.hypot(priors[one].sd, values[one] - priors[one].mean) for one in names])
+    if not isinstance(posterior.likelihood, OutputError):
+        alone = np.array([[1.0], [0.0], [0.0], [0.0]])
+        return ErrorBudget(
+            names, np.ones(len(names)), np.repeat(alone, len(names), 1), ((),) * len(names), (), (), {}, (), farthest
+        )
+    model, members = _followed(posterior, mode, stated)
+    sd = np.sqrt(np.diag(mode.cov))
+    moving = {place: k for k, place in enumerate(model.moving)}
+    ratio, shares = np.ones(len(names)), np.zeros((4, len(names)))
+    shares[0] = 1.0
+    weight = np.exp([one.log_density - members[0].log_density for one in members])
+    weight /= weight.sum()
+    causes: list[tuple[Effect, ...]] = [()] * len(names)
+    for k, place in enumerate(shared):
+        if place not in moving:
+            continue
+        at = moving[place]
+        shift = np.array([one.values[at] - mode.z[place] for one in members]) / sd[place]
+        width = np.array([np.sqrt(one.cov[at, at]) for one in members]) / sd[place]
+        ratio[k] = max(1.0, half_width(weight, shift[:, None], width[:, None])[0] / ndtri(BAND))
+        added = model.added(members, weight, at, mode.z[place])
+        shares[:, k] = _by_origin(model.sources, added)
+        causes[k] = _most(model.sources, added[1:])
+    omitted = _omitted(model, members, weight, mode, shared, moving, sd)
+    tried = tuple(one.effect for one in model.sources if one.stated is None)
+    sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
+    slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
+    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, model.after(members[0]), slow, farthest)
+
+
+class Option(NamedTuple):
+    """How large a source may be: mean and standard deviation of its size before the data, and the log of its prior odds."""
+
+    mean: float
+    sd: float
+    log_odds: float
+
+
+class Member(NamedTuple):
+    """One set of sources.
+
+    Attributes:
+        chosen: places of the sources in it, and how large each is thought to be before the data.
+        log_density: log of its probability, but for a constant.
+        values: of the moving parameters and of the sizes in the set, after the data.
+        cov: their covariance.
+        information: of the data about them.
+        precision: of their priors.
+        columns: places among all sizes of those in the set.
+        noise: shape and standard deviation of the noise of each channel.
+    """
+
+    chosen: tuple[tuple[int, Option], ...]
+    log_density: float
+    values: Float[np.ndarray, " q"]
+    cov: Float[np.ndarray, "q q"]
+    information: Float[np.ndarray, "q q"]
+    precision: Float[np.ndarray, " q"]
+    columns: Int[np.ndarray, " c"]
+    noise: tuple[tuple[int, float], ...]
+
+
+class Shape(NamedTuple):
+    """Sums over the measurements of one channel under noise of one shape and unit standard deviation.
+
+    Attributes:
+        products: of y and of the slopes along the moving parameters and all sizes, shape (1 + k + m, 1 + k + m).
+        log_sd: sum of the logs of the standard deviations of what is new in each.
+    """
+
+    products: Float[np.ndarray, "a a"]
+    log_sd: float
+
+
+class LinearModel:
+    """Measurements that are linear in parameters and sources, about one motion."""
+
+    def __init__(self, posterior: Posterior, at: Perturbed) -> None:
+        """Linearise.
+
+        Args:
+            posterior: of records.
+            at: its sources about a motion.
+        """
+        likelihood, names = posterior.likelihood, posterior.names
+        noise = likelihood.noise_parameters
+        self.sources, self.at = at.sources, at
+        self.moving = [i for i in posterior.places if names[i] not in noise]
+        expected = linearise(posterior, at)
+        self.is_finite = all(np.isfinite(one).all() for one in expected)
+        values = dict(zip(names, np.asarray(posterior.constrain(at.z)), strict=True))
+        kept = np.r_[0, 1 + np.array(self.moving, int), 1 + len(names) + np.arange(at.sizes.size)]
+        self.channels: list[tuple[float, list[Shape]]] = []
+        self.first: list[tuple[int, float]] = []
+        for rows, channel, sensor in zip(expected, posterior.data.channels, likelihood.simulator.sensors, strict=True):
+            shapes = noise_shapes(sensor, values, channel, rows[..., kept]) if self.is_finite else []
+            self.channels.append((float(np.asarray(channel.present).sum()), shapes))
+            self.first.append((0, float(values[noise_name(sensor.channel)])))
+        prior = np.asarray(expand_prior(posterior, at.z)[0])[:, self.moving]
+        self.curvature = np.maximum(-prior[2], TINY)
+        self.peak = at.z[self.moving] + prior[1] / self.curvature
+        self.options = self._options({one.name: one.prior for one in posterior.parameters})
+
+    def _options(self, priors: Mapping[str, Prior]) -> dict[int, list[Option]]:
+        """Return how large each source that is looked for may be."""
+        found = [i for i, one in enumerate(self.sources) if one.stated is None]
+        absent = NOTHING ** (1.0 / max(len(found), 1))
+        odds = float(np.log1p(-absent) - np.log(absent) - np.log(SHARES.size))
+        result = {}
+        for i in found:
+            one = self.sources[i]
+            if one.effect.of in priors and one.effect.kind == "force":  # a term of another structure
+                prior = priors[one.effect.of]
+                mean = 0.0 if isinstance(prior, Uniform) else float(prior.mean) / one.worth
+                result[i] = [Option(mean, float(prior.sd) / abs(one.worth), 0.0)]
+            else:
+                result[i] = [Option(0.0, share, odds) for share in SHARES]
+        return result
+
+    def member(self, chosen: Mapping[int, Option]) -> Member:
+        """Return what a set of sources, with those that are stated, makes of the parameters, with the noise that then remains."""
+        stated = {i: Option(0.0, one.stated, 0.0) for i, one in enumerate(self.sources) if one.stated is not None}
+        every, k = [*stated.items(), *chosen.items()], len(self.moving)
+        columns = np.array([place for i, _ in every for place in self.sources[i].columns], int)
+        options = [option for i, option in every for _ in self.sources[i].columns]
+        precision = np.r_[self.curvature, [one.sd**-2.0 for one in options]]
+        mean = np.r_[self.peak, [one.mean for one in options]]
+        among = np.ix_(*(np.r_[0, 1 + np.arange(k), 1 + k + columns],) * 2)
+        sums = [[Shape(shape.products[among], shape.log_sd) for shape in shapes] for _, shapes in self.channels]
+        noise, last = self.first, -np.inf
+        for _ in range(NOISE_ROUNDS):
+            information = sum(own[shape].products / sd**2 for own, (shape, sd) in zip(sums, noise, strict=True))
+            values, log_volume, cov = _solve(information, precision, mean)
+            away, density, noise = np.r_[1.0, -values], 0.0, []
+            for (count, _), own in zip(self.channels, sums, strict=True):
+                sd = [float(np.sqrt(max(away @ one.products @ away, TINY) / max(count, 1.0))) for one in own]
+                each = [-one.log_sd - count * np.log(x) - 0.5 * count for one, x in zip(own, sd, strict=True)]
+                noise.append((best := int(np.argmax(each)), sd[best]))
+                density += each[best]
+            off = values - mean
+            density += -0.5 * off @ (precision * off) - log_volume + 0.5 * np.log(precision[k:]).sum()
+            if abs(density - last) < NOISE_SETTLED:
+                break
+            last = density
+        odds = sum(option.log_odds for option in chosen.values())
+        data = np.asarray(information)[1:, 1:]
+        return Member(tuple(chosen.items()), float(density) + odds, values, cov, data, precision, columns, tuple(noise))
+
+    def average(self, kinds: Sequence[str] = ()) -> list[Member]:
+        """Return sets of sources, the most probable first.
+
+        Sources are added one by one to the best sets so far.
+
+        Args:
+            kinds: of sources that are left out.
+        """
+        looked = {i: options for i, options in self.options.items() if self.sources[i].effect.kind not in kinds}
+        members = {(): self.member({})}
+        front: list[dict[int, Option]] = [{}]
+        for _ in range(MAX_SOURCES):
+            grown: dict[frozenset[int], tuple[float, dict[int, Option]]] = {}
+            for chosen in front:
+                for i in looked.keys() - chosen.keys():
+                    for option in looked[i]:
+                        more = {**chosen, i: option}
+                        key = tuple(sorted(more.items()))
+                        if key not in members:
+                            members[key] = self.member(dict(key))
+                        height = members[key].log_density
+                        if height > grown.get(frozenset(more), (-np.inf, {}))[0]:
+                            grown[frozenset(more)] = height, dict(key)
+            best = max(one.log_density for one in members.values())
+            ranked = sorted(grown.values(), key=lambda pair: -pair[0])[:KEPT]
+            front = [chosen for height, chosen in ranked if height > best + MIN_LOG_SHARE]
+            if not front:
+                break
+        return sorted(members.values(), key=lambda one: -one.log_density)
+
+    def added(
+        self, members: Sequence[Member], weight: Float[np.ndarray, " s"], at: int, mode: float
+    ) -> Float[np.ndarray, " sources"]:
+        """Return what the noise, with the prior, and then each source add to the mean square error of a parameter about the mode.
+
+        Args:
+            members: sets of sources.
+            weight: their probabilities.
+            at: place of the parameter among those that move.
+            mode: its value there.
+        """
+        k, result = len(self.moving), np.zeros(1 + len(self.sources))
+        owner = {place: i for i, one in enumerate(self.sources) for place in one.columns}
+        for one, share in zip(members, weight, strict=True):
+            gain = one.cov[at]
+            result[0] += share * (gain @ one.information @ gain + gain[:k] ** 2 @ one.precision[:k])
+            for j, place in enumerate(one.columns):
+                result[1 + owner[place]] += share * gain[k + j] ** 2 * one.precision[k + j]
+            away = (one.values[at] - mode) ** 2
+            for i, _ in one.chosen:
+                result[1 + i] += share * away / len(one.chosen)
+        return result
+
+    def after(self, member: Member) -> dict[Effect, tuple[float, float]]:
+        """Return the size of each stated source after the data and its standard deviation, over the one stated."""
+        k, result = len(self.moving), {}
+        for one in self.sources:
+            if one.stated is not None:
+                at = k + int(np.flatnonzero(member.columns == one.columns[0])[0])
+                size, sd = float(member.values[at]), float(np.sqrt(member.cov[at, at]))
+                result[one.effect] = size / one.stated, sd / one.stated
+        return result
+
+
+def noise_shapes(
+    sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, rows: Float[np.ndarray, "trials n a"]
+) -> list[Shape]:
+    """Return the sums of products of columns under the noise of a sensor and, of a slow part, under smaller ones.
+
+    Args:
+        sensor: whose noise it is.
+        values: its parameters by name, SI.
+        channel: when it was measured.
+        rows: columns, 0 where it was not.
+    """
+    where = channel.present, channel.gaps, channel.kind
+    if sensor.noise == "coloured":
+        return [_sums(rows, *where, 1.0, values[correlation_name(sensor.channel)], 0.0)]
+    if sensor.noise != "drifting":
+        gaps = np.asarray(channel.gaps)
+        step = float(np.median(gaps[gaps < FOREVER])) if (gaps < FOREVER).any() else 1.0
+        slow = [(size, length * step) for size in SLOW for length in LENGTHS]
+        return [_sums(rows, *where, size, time, 1.0) for size, time in [(0.0, 1.0), *slow]]
+    slow = values[drift_name(sensor.channel)] / values[noise_name(sensor.channel)]
+    return [_sums(rows, *where, shrunk * slow, values[drift_time_name(sensor.channel)], 1.0) for shrunk in SHRUNK]
+
+
+def _sums(rows: Any, present: Any, gaps: Any, kind: Any, slow: Any, time: Any, white: Any) -> Shape:
+    products, log_sd = _whitened_sums(rows, present, gaps, kind, slow, time, white)
+    return Shape(np.asarray(products), float(log_sd))
+
+
+@program
+def _whitened_sums(
+    rows: Array, present: Array, gaps: Array, kind: Array, slow: Array, time: Array, white: Array
+) -> tuple[Array, Array]:
+    """Return the sums of products of what is new in each measurement, by a Kalman filter of one state, and of the logs of its sd."""
+
+    def of_trial(rows: Array, present: Array, gaps: Array, kind: Array) -> tuple[Array, Array]:
+        memory = jnp.exp(-gaps / time)[kind]
+
+        def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
+            mean, variance = carry
+            row, here, left = sample
+            before = left * left * variance + slow**2 * (1.0 - left * left)
+            total = before + white**2
+            innovation, gain = row - left * mean, before / total
+            after = left * mean + gain * innovation, before * (1.0 - gain)
+            carry = jnp.where(here > 0, after[0], mean), jnp.where(here > 0, after[1], variance)
+            return carry, (here * innovation / jnp.sqrt(total), here * 0.5 * jnp.log(total))
+
+        _, (new, log_sd) = jax.lax.scan(advance, (jnp.zeros(rows.shape[1]), jnp.zeros(())), (rows, present, memory))
+        return new.T @ new, log_sd.sum()
+
+    products, log_sd = jax.vmap(of_trial)(rows, present, gaps, kind)
+    return products.sum(0), log_sd.sum()
+
+
+def _followed(posterior: Posterior, mode: Mode, stated: StatedErrors) -> tuple[LinearModel, list[Member]]:
+    """Return the sets of sources about the motion of the best one.
+
+    The smooth force waits until the others have settled: it would take up what is not linear about them. A lag and a delay are alike at
+    first: where the best set has one of them, it is looked whether one without it leads to a better.
+    """
+    left_out = ("smooth force",)
+    model, best = _follow_best(posterior, mode, stated, left_out)
+    for kind in {model.sources[i].effect.kind for i, _ in best.chosen} & {*LATE}:
+        other = _follow_best(posterior, mode, stated, (*left_out, kind))
+        model, best = max((model, best), other, key=lambda pair: pair[1].log_density)
+    return model, model.average()
+
+
+def _follow_best(
+    posterior: Posterior, mode: Mode, stated: StatedErrors, left_out: Sequence[str]
+) -> tuple[LinearModel, Member]:
+    """Follow the best set of sources, but for some kinds, from the mode to where it stays."""
+    at = lay_out(posterior, mode.z, stated)
+    assert at is not None, "the motion at the mode is finite"
+    known = model = LinearModel(posterior, at)
+    z, sizes, lags = at.z, at.sizes, at.lags
+    for _ in range(ROUNDS):
+        if model is not None and model.is_finite:
+            known, best = model, model.average(left_out)[0]
+            k = len(known.moving)
+            z, sizes = known.at.z.copy(), np.zeros(known.at.sizes.size)
+            z[known.moving], sizes[best.columns] = best.values[:k], best.values[k:]
+            moved = np.abs(z - known.at.z)[known.moving] / np.sqrt(np.diag(best.cov)[:k])
+            lags, own = _follow_lags(known, sizes)
+            if moved.max(initial=0.0) < SETTLED and all(b / a < WIDE_LAGS for a, b in lags.values()):
+                break
+        else:  # too far: half of the way
+            z, sizes, lags = 0.5 * (z + known.at.z), 0.5 * (sizes + known.at.sizes), known.at.lags
+            own = sizes
+        at = lay_out(posterior, z, stated, known.at, sizes, lags)
+        model = None if at is None else LinearModel(posterior, at._replace(sizes=own))
+    return known, best
+
+
+def _follow_lags(
+    model: LinearModel, sizes: Float[np.ndarray, " m"]
+) -> tuple[dict[Effect, tuple[float, float]], Float[np.ndarray, " m"]]:
+    """Return pairs of lags about those that were found, and sizes that mean the same with them."""
+    lags, sizes = {}, sizes.copy()
+    for one in model.sources:
+        if one.effect.kind not in LATE:
+            continue
+        pair, places = np.array(model.at.lags.get(one.effect, LAGS)), list(one.columns)
+        late = float(sizes[places].sum())
+        if late > MIN_LATE and (lag := float(sizes[places] @ pair) / late) > MIN_LAG:
+            lag = float(np.clip(lag, 0.5 * pair[0], 2.0 * pair[1]))
+            is_near = one.effect in model.at.lags and abs(np.log(lag / np.sqrt(np.prod(pair)))) < NEAR_LAG
+            ratio = CLOSE_LAGS if is_near else WIDE_LAGS
+            lags[one.effect] = lag / ratio, lag * ratio
+            sizes[places] = 0.5 * late
+    return lags, sizes
+
+
+def _omitted(
+    model: LinearModel,
+    members: Sequence[Member],
+    weight: Float[np.ndarray, " s"],
+    mode: Mode,
+    shared: Int[np.ndarray, " k"],
+    moving: Mapping[int, int],
+    sd: Float[np.ndarray, " d"],
+) -> tuple[Omitted, ...]:
+    """Return the effects that are there more probably than not, the most probable first."""
+    within = [{i for i, _ in one.chosen} for one in members]
+    result = []
+    for i in model.options:
+        there = np.array([i in one for one in within])
+        probability = float(weight[there].sum())
+        if probability <= 0.5:
+            continue
+        source, best = model.sources[i], members[int(np.argmax(there))]
+        k = len(model.moving)
+        at = k + np.flatnonzero(np.isin(best.columns, source.columns))
+        is_late = source.effect.kind in LATE
+        along = np.array(model.at.lags.get(source.effect, LAGS)) if is_late else np.ones(at.size)
+        size = source.worth * float(along @ best.values[at])
+        error = abs(source.worth) * float(np.sqrt(along @ best.cov[np.ix_(at, at)] @ along))
+        if at.size > 1 and not is_late:  # of runs, or of places: no one size
+            size, error = abs(source.worth) * float(np.sqrt(np.mean(best.values[at] ** 2))), 0.0
+        shift = np.array(
+            [(best.values[moving[place]] - mode.z[place]) / sd[place] if place in moving else 0.0 for place in shared]
+        )
+        rivals = {
+            j: float(weight[[j in one and i not in one for one in within]].sum()) for j in model.options if j != i
+        }
+        alike = tuple(model.sources[j].effect for j in rivals if rivals[j] > MIN_ALIKE_SHARE)
+        log_odds = float(np.log(probability) - np.log(max(1.0 - probability, TINY)))
+        result.append(Omitted(source.effect, size, error, log_odds, shift, alike))
+    return tuple(sorted(result, key=lambda one: -one.log_odds))
+
+
+def _by_origin(sources: Sequence[Source], added: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 4"]:
+    """Return the shares of a mean square error from noise, what is stated, differences between runs, and the model."""
+    origin = [2 if one.effect.kind == "run force" else 1 if one.stated is not None else 3 for one in sources]
+    return np.bincount([0, *origin], added, 4) / added.sum()
+
+
+def _most(sources: Sequence[Source], added: Float[np.ndarray, " n"]) -> tuple[Effect, ...]:
+    """Return the effects of the sources that add most, the largest first."""
+    largest = np.argsort(-added, kind="stable")[:MAX_CAUSES]
+    return tuple(sources[i].effect for i in largest if added[i] > MIN_CAUSE_SHARE * max(added[largest[0]], TINY))
+
+
+def _solve(
+    information: Any, precision: Float[np.ndarray, " q"], mean: Float[np.ndarray, " q"]
+) -> tuple[Float[np.ndarray, " q"], float, Float[np.ndarray, "q q"]]:
+    """Return the values of highest density, half the log determinant of their precision, and its inverse."""
+    size = np.sqrt(np.diag(information)[1:] + precision)  # sizes of columns differ by many powers of ten
+    whole = (information[1:, 1:] + np.diag(precision)) / np.outer(size, size)
+    root = np.linalg.cholesky(whole)
+    cov = np.linalg.inv(whole) / np.outer(size, size)
+    return cov @ (information[1:, 0] + precision * mean), float(np.log(np.diag(root) * size).sum()), cov
+
+
+def half_width(
+    weight: Float[np.ndarray, " s"], shift: Float[np.ndarray, "s d"], sd: Float[np.ndarray, "s d"]
+) -> Float[np.ndarray, " d"]:
+    """Return how far from 0 each of d parameters lies with 90 % probability if its density is a mixture of s normal ones.
+
+    Args:
+        weight: of each density, not normalised.
+        shift: their means.
+        sd: their standard deviations.
+    """
+    share, low, high = weight / weight.sum(), np.zeros(shift.shape[1]), (np.abs(shift) + 4 * sd).max(0)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        held = share @ (ndtr((middle - shift) / sd) - ndtr((-middle - shift) / sd))
+        low, high = np.where(held < 2 * BAND - 1, middle, low), np.where(held < 2 * BAND - 1, high, middle)
+    return high

@@ -1,0 +1,586 @@
+"""Sources of error beside the noise of the sensors, and how each of them moves what the sensors show.
+
+    stated      the inertia of each axis, the scale of a velocity sensor, the time between the commands and the motion
+    found       a force along each axis that differs from run to run; effects that the model may lack: a term, a lag or an offset of a
+                command, a thrust that falls with the speed, an offset of a sensor, a start; and a force that is smooth in the
+                velocities, the commands and those of some time before
+
+Each source is a column, or some, along which force, commands, starts and outputs change in proportion to its sizes. A force is held over
+each step at the mean of its values at both ends, about a motion that is known: to second order in the step, and without the cost of its
+equation in every derivative. Sizes of what is found are shares of the root mean square of the force, the command or the channel.
+
+The smooth force is a Gaussian process with a squared exponential kernel over inputs in units of their spread, by the columns of its
+pivoted Cholesky factor (Foster et al., Journal of Machine Learning Research 10, 2009).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from seatrial.compiled.programs import program
+from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.signals import (
+    ACTUAL,
+    ANGLES,
+    OVER_GROUND,
+    PROPULSION,
+    QUATERNION,
+    RATES,
+    SPEEDS,
+    is_thruster,
+    signal_unit,
+)
+from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.estimation.simulation.mounts import SCALE
+from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.vehicles.model import VehicleModel, outside_force
+
+MOTIONS = {*RATES, *ANGLES}  # Controls that are motions given as measured, and no commands
+# How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the
+# centre, and fins.
+COUPLED = ("tau_", "delta_")
+LAGS = (0.5, 2.0)  # Lags and delays of commands, s, of which sums stand for any between and about them
+# Columns of the smooth force; reach of its kernel, in standard deviations of the inputs; points of which its columns
+# are made.
+RANK, REACH, POINTS = 10, 4.0, 500
+RIDGE = 1e-7  # Of the kernel, for rounding
+MIN_RUNS = 3  # Runs from which on a difference between runs is told from an error of the model
+SIDE_BY_SIDE = 8  # Slopes that are computed at once: each needs controls of its own over the whole record
+
+Kind = Literal[
+    "inertia",
+    "scale",
+    "clock",
+    "run force",
+    "force",
+    "command lag",
+    "delay",
+    "command offset",
+    "thrust loss",
+    "sensor offset",
+    "start",
+    "smooth force",
+]
+
+
+@dataclass(frozen=True)
+class StatedErrors:
+    """Standard deviations of what no residual shows; 0 for what is exact.
+
+    Attributes:
+        inertia: of each axis, over its stated value.
+        scale: of each sensor of a velocity.
+        clock: of the time between commands and motion, in intervals of the samples; where it is exact, a shift is looked for.
+    """
+
+    inertia: float = 0.05
+    scale: float = 0.01
+    clock: float = 0.5
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One source of error.
+
+    Attributes:
+        kind: of it.
+        of: axis, coefficient, control, measured channel or state; empty for all commands.
+        unit: of its size, SI; "1" for shares.
+    """
+
+    kind: Kind
+    of: str
+    unit: str = "1"
+
+
+class Source(NamedTuple):
+    """An effect with its columns.
+
+    Attributes:
+        effect: which.
+        columns: their places among the sizes.
+        stated: standard deviation of its size; None where it is found.
+        worth: size in the effect's own unit, over that along its column.
+    """
+
+    effect: Effect
+    columns: tuple[int, ...]
+    stated: float | None = None
+    worth: float = 1.0
+
+
+class Columns(NamedTuple):
+    """How the motion and what is shown change along each size; pairs of places among the sizes and arrays with an axis for these first.
+
+    Attributes:
+        force: on each axis of the model, N or N m, shape (k, trials, n, axes).
+        control: of each control, shape (k, trials, n, n_controls).
+        start: of each state, shape (k, trials, n_states).
+        scale: of what each sensor shows, as a share, shape (k, channels).
+        offset: of what each sensor shows, shape (k, channels).
+    """
+
+    force: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n axes"]]
+    control: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n n_controls"]]
+    start: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n_states"]]
+    scale: tuple[Int[np.ndarray, " k"], Float[Array, "k channels"]]
+    offset: tuple[Int[np.ndarray, " k"], Float[Array, "k channels"]]
+
+    def along(self, sizes: Float[Array, " m"]) -> list[Array]:
+        """Return the changes of force, control, start, scale and offset for sizes of all sources."""
+        return [jnp.tensordot(sizes[places], arrays, 1) for places, arrays in self]
+
+
+class Perturbed(NamedTuple):
+    """A posterior of d parameters about whose motion sources of error are laid out.
+
+    Attributes:
+        z: parameters of the motion, shape (d,).
+        sizes: of the sources in it, shape (m,).
+        sources: of error.
+        columns: of the sources.
+        lags: pairs of lags, s, that stand for those of commands where they were found before.
+    """
+
+    z: Float[np.ndarray, " d"]
+    sizes: Float[np.ndarray, " m"]
+    sources: tuple[Source, ...]
+    columns: Columns
+    lags: Mapping[Effect, tuple[float, float]]
+
+
+def lay_out(
+    posterior: Posterior,
+    z: Float[np.ndarray, " d"],
+    stated: StatedErrors,
+    before: Perturbed | None = None,
+    sizes: Float[np.ndarray, " m"] | None = None,
+    lags: Mapping[Effect, tuple[float, float]] = {},
+) -> Perturbed | None:
+    """Return the sources about a motion; None where it diverges.
+
+    Args:
+        posterior: of records.
+        z: parameters of the motion, shape (d,).
+        stated: standard deviations of what is stated.
+        before: sources of the motion, with their columns; None for none.
+        sizes: of these.
+        lags: pairs of lags, s, of effects, in place of `LAGS`.
+    """
+    motion = _Motion(posterior, z, before, sizes)
+    if not all(np.isfinite(x).all() for x in motion.states.values()):
+        return None
+    motion.weigh()
+    builder = _Builder(motion)
+    for effect, worth, stated_sd, columns in _sources(motion, stated, lags):
+        builder.add(effect, worth, stated_sd, columns)
+    own = np.zeros(builder.count) if sizes is None else sizes
+    return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags)
+
+
+def linearise(posterior: Posterior, at: Perturbed) -> list[Float[np.ndarray, "trials n _"]]:
+    """Return of each channel what it would be measured as, and its slopes along z and then the sizes: y = slopes (z, sizes) + noise.
+
+    Args:
+        posterior: of records.
+        at: where; not finite where the motion diverges.
+
+    Returns:
+        one array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
+    """
+    point = np.concatenate([at.z, at.sizes])
+    filled = -(-point.size // SIDE_BY_SIDE) * SIDE_BY_SIDE  # as many in each call: one program
+    ways, slopes = np.eye(filled, point.size), []
+    for first in range(0, filled, SIDE_BY_SIDE):
+        shown, part = _shown_and_slopes(posterior, at.columns, at.z, at.sizes, ways[first : first + SIDE_BY_SIDE])
+        slopes.append(np.asarray(part))
+    slopes, shown = np.concatenate(slopes)[: point.size], np.asarray(shown)
+    result = []
+    for i, channel in enumerate(posterior.data.channels):
+        own = slopes[..., i]
+        expected = np.asarray(channel.measured) - shown[..., i] + np.tensordot(point, own, 1)
+        here = np.asarray(channel.present)[..., None]
+        result.append(np.concatenate([expected[..., None], np.moveaxis(own, 0, -1)], -1) * here)
+    return result
+
+
+class _Motion:
+    """The motion of all trials at some parameters, and the forces that the model makes along it."""
+
+    def __init__(
+        self,
+        posterior: Posterior,
+        z: Float[np.ndarray, " d"],
+        before: Perturbed | None,
+        sizes: Float[np.ndarray, " m"] | None,
+    ) -> None:
+        self.posterior = posterior
+        self.likelihood: Any = posterior.likelihood
+        self.data, self.model = posterior.data, self.likelihood.model
+        self.step = np.asarray(self.data.step)
+        self.inside = self.step > 0  # what fills up a trial takes no time
+        columns = _no_columns(posterior) if before is None else before.columns
+        shown = _follow(posterior, self.model.states, columns, z, np.zeros(0) if sizes is None else sizes)
+        self.states = dict(zip(self.model.states, np.moveaxis(np.asarray(shown), -1, 0), strict=True))
+        last = self.inside & ~np.concatenate([self.inside[:, 1:], np.zeros_like(self.inside[:, :1])], 1)
+        self.next = {
+            name: np.where(last, x, np.concatenate([x[:, 1:], x[:, -1:]], 1)) for name, x in self.states.items()
+        }
+        self.controls = dict(zip(self.model.controls, map(np.asarray, self.data.control), strict=True))
+        self.params = dict(zip(posterior.names, np.asarray(posterior.constrain(z)), strict=True))
+        apart = self.likelihood.apart(self.params)
+        self.params |= {name: np.asarray(values)[:, None] for name, values in apart.items()}
+        self.rates = [state for state in self.model.states if state in RATES]
+        self.inertia: dict[str, float] = {}
+        self.force: dict[str, float] = {}
+
+    def weigh(self) -> None:
+        """Find the inertia and the force of each axis."""
+        self.inertia = {axis: self._inertia(axis) for axis in self.model.disturbance_axes}
+        self.force = {axis: self._force(axis) for axis in self.model.disturbance_axes}
+
+    def mean(self, function: Callable[[Mapping[str, Any]], Any]) -> Float[np.ndarray, "trials n"]:
+        """Return the mean over each step of a function of states and controls."""
+        ends = (np.asarray(function({**states, **self.controls})) for states in (self.states, self.next))
+        return np.where(self.inside, 0.5 * sum(ends), 0.0)
+
+    def rms(self, values: Float[np.ndarray, "trials n"]) -> float:
+        """Return the root mean square, 1 where it is 0."""
+        return float(np.sqrt(np.mean(np.square(values[self.inside])))) or 1.0
+
+    def acceleration(self, axis: str, signals: Mapping[str, Any], outside: float = 0.0) -> np.ndarray:
+        """Return the rate of the axis's velocity, for states and controls and a force from outside."""
+        state, control = (tuple(signals[name] for name in names) for names in (self.model.states, self.model.controls))
+        params = {**self.params, outside_force(axis): outside}
+        return np.asarray(self.model.derivative(params, state, control)[self.model.states.index(SPEEDS[axis])])
+
+    def _inertia(self, axis: str) -> float:
+        """Return the inertia against a force on the axis, that of the added mass included."""
+        here = {**self.states, **self.controls}
+        per_force = self.acceleration(axis, here, 1.0) - self.acceleration(axis, here)
+        return 1.0 / float(np.mean(per_force))
+
+    def _force(self, axis: str) -> float:
+        """Return the root mean square of the larger of the two forces that velocities and that commands make."""
+        here = {**self.states, **self.controls}
+        still = {name: np.zeros_like(x) if name in RATES else x for name, x in here.items()}
+        idle = {
+            name: np.zeros_like(x) if name in self.controls or name.endswith(ACTUAL) else x for name, x in here.items()
+        }
+        whole = self.acceleration(axis, here)
+        parts = (np.broadcast_to(whole - self.acceleration(axis, other), self.step.shape) for other in (still, idle))
+        return abs(self.inertia[axis]) * max(map(self.rms, parts))
+
+
+# A column: the field of `Columns` that it is of, its place on the last axis (None for all), and its values.
+_Column = tuple[str, int | None, Any]
+
+
+class _Builder:
+    """Collects sources and their columns."""
+
+    def __init__(self, motion: _Motion) -> None:
+        self.motion = motion
+        self.sources: list[Source] = []
+        self.parts: dict[str, list[tuple[int, np.ndarray]]] = {name: [] for name in Columns._fields}
+        self.count = 0
+
+    def add(self, effect: Effect, worth: float, stated: float | None, columns: list[_Column]) -> None:
+        """Add a source."""
+        places = tuple(range(self.count, self.count + len(columns)))
+        self.sources.append(Source(effect, places, stated, worth))
+        for place, (field, at, values) in zip(places, columns, strict=True):
+            whole = np.zeros(_shape(self.motion.posterior, field))
+            whole[..., slice(None) if at is None else at] = values
+            self.parts[field].append((place, whole))
+        self.count += len(columns)
+
+    def columns(self) -> Columns:
+        """Return all columns."""
+        empty = _no_columns(self.motion.posterior)._asdict()
+        filled = {
+            name: (np.array([place for place, _ in part]), jnp.asarray(np.stack([values for _, values in part])))
+            for name, part in self.parts.items()
+            if part
+        }
+        return Columns(**(empty | filled))
+
+
+def _sources(
+    motion: _Motion, stated: StatedErrors, lags: Mapping[Effect, tuple[float, float]]
+) -> Iterator[tuple[Effect, float, float | None, list[_Column]]]:
+    """Yield every source that the model does not have: the effect, its `worth`, its stated standard deviation, and its columns."""
+    likelihood, model, data = motion.likelihood, motion.model, motion.data
+    axes, controls = model.disturbance_axes, model.controls
+    step = np.where(motion.inside, motion.step, 1.0)
+    interval = float(np.median(motion.step[motion.inside]))
+    commands = [name for name in controls if name not in MOTIONS]
+    for axis, inertia in _stated_inertia(model).items():
+        gain = (motion.next[SPEEDS[axis]] - motion.states[SPEEDS[axis]]) / step
+        if stated.inertia and inertia:
+            yield (
+                Effect("inertia", axis),
+                1.0,
+                stated.inertia,
+                [("force", axes.index(axis), -inertia * gain * motion.inside)],
+            )
+    for i, sensor in enumerate(likelihood.simulator.sensors):
+        is_free = sensor.mount is not None and f"{SCALE}_{sensor.mount.name}" in sensor.mount.unknown
+        if stated.scale and sensor.channel in (*RATES, *OVER_GROUND) and not is_free:
+            yield Effect("scale", sensor.channel), 1.0, stated.scale, [("scale", i, 1.0)]
+    if commands and not likelihood.simulator.delay:
+        shift = np.zeros(_shape(motion.posterior, "control"))
+        for name in commands:
+            change = np.append(np.diff(motion.controls[name], axis=1), np.zeros((len(step), 1)), axis=1)
+            shift[..., controls.index(name)] = change * (interval / step) * motion.inside
+        yield Effect("clock", "", "s"), interval, stated.clock or None, [("control", None, shift)]
+    if len(step) >= MIN_RUNS:
+        for axis in axes:
+            runs = [
+                motion.force[axis] * motion.inside * (np.arange(len(step)) == run)[:, None] for run in range(len(step))
+            ]
+            yield (
+                Effect("run force", axis),
+                motion.force[axis],
+                None,
+                [("force", axes.index(axis), one) for one in runs],
+            )
+    trim = {name.removeprefix("trim "): value for name, value in model.constants if name.startswith("trim ")}
+    for term in _forces(motion.posterior):
+        shape = motion.mean(lambda signals, term=term: term.regressor(signals, trim))
+        size = motion.force[term.axis] / motion.rms(shape)
+        effect = Effect("force", term.text, model.unit_of(term))
+        yield effect, size, None, [("force", axes.index(term.axis), size * shape)]
+    if any(map(_propels, controls)) and "u" in model.states and not _has_loss(model):
+        yield Effect("thrust loss", "", "s/m"), 1.0, None, [("force", None, _thrust_loss(motion))]
+    past: dict[str, list[np.ndarray]] = {}
+    for name in commands:
+        past[name] = [_late(motion.controls[name], motion.step, lag) for lag in LAGS]
+        size, at = motion.rms(motion.controls[name]), controls.index(name)
+        yield Effect("command offset", name, signal_unit(name)), size, None, [("control", at, size)]
+    unknown = {one.name for one in model.unknowns}
+    may_lag = [one for one in commands if f"lag_{one}" not in unknown and one + ACTUAL not in model.states]
+    late_alike = [Effect("delay", "", "s")] * (not likelihood.simulator.delay)
+    late_alike += [Effect("command lag", "", "s")] * (len(may_lag) > 1)
+    for effect in (*(Effect("command lag", name, "s") for name in may_lag), *late_alike):
+        columns = np.zeros((2, *_shape(motion.posterior, "control")))
+        for name in [effect.of] if effect.of else may_lag if effect.kind == "command lag" else commands:
+            for column, lag in zip(columns, lags.get(effect, LAGS), strict=True):
+                follow = _late if effect.kind == "command lag" else _delayed
+                column[..., controls.index(name)] = (
+                    follow(motion.controls[name], motion.step, lag) - motion.controls[name]
+                )
+        if commands:
+            yield effect, 1.0, None, [("control", None, one) for one in columns]
+    for i, sensor in enumerate(likelihood.simulator.sensors):
+        if not sensor.bias:
+            size = motion.rms(np.asarray(data.channels[i].measured))
+            yield (
+                Effect("sensor offset", sensor.channel, signal_unit(sensor.channel)),
+                size,
+                None,
+                [("offset", i, size)],
+            )
+    if not likelihood.free_initial:
+        for i, state in enumerate(model.states):
+            if state not in QUATERNION:
+                yield (
+                    Effect("start", state, signal_unit(state)),
+                    (size := motion.rms(motion.states[state])),
+                    None,
+                    [("start", i, size)],
+                )
+    if axes:
+        features = _features(motion, past)
+        for i, axis in enumerate(axes):
+            yield Effect("smooth force", axis), 1.0, None, [("force", i, motion.force[axis] * one) for one in features]
+
+
+def _forces(posterior: Posterior) -> list[CoefficientName]:
+    """Return the terms that a model may lack: constant, linear, quadratic and cubic in the axis's own velocity, in that times the speed
+    ahead, linear in a control that drives other axes, and terms that other structures of the posterior have."""
+    model: VehicleModel = posterior.likelihood.model
+    known = {CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)}
+    present = {one for one in model.coefficients if one.text in posterior.present_names}
+    everything = {*model.coefficients, *known}
+    driven = {(one.axis, control) for one in everything for control in model.controls if control in one.signals}
+    driven |= {(axis, f"tau_{axis}") for axis in model.disturbance_axes}
+    terms = dict.fromkeys(model.coefficients)
+    for axis in model.disturbance_axes:
+        speed = SPEEDS[axis]
+        texts = [
+            f"{axis}_0",
+            *([f"{axis}_{speed}", f"{axis}_{speed}abs{speed}", f"{axis}_{speed}3"] * (speed in model.states)),
+        ]
+        texts += [f"{axis}_u{speed}"] * (speed != "u" and {"u", speed} <= {*model.states})
+        texts += [f"{axis}_{one}" for one in model.controls if one.startswith(COUPLED) and (axis, one) not in driven]
+        terms |= dict.fromkeys(map(CoefficientName.parse, texts))
+    return [one for one in terms if one not in known and one not in present and one.axis in model.disturbance_axes]
+
+
+def _propels(control: str) -> bool:
+    """Return whether a control is the speed or the force of a propeller or thruster, or drives the vehicle ahead by itself."""
+    return control in PROPULSION or is_thruster(control)
+
+
+def _has_loss(model: VehicleModel) -> bool:
+    """Return whether a term of the model already makes the thrust depend on the speed ahead."""
+    known = [CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)]
+    driving = {name for name in model.controls if _propels(name)}
+    return any("u" in one.signals and driving & {*one.signals} for one in (*model.coefficients, *known))
+
+
+def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "trials n axes"]:
+    """Return the change of the force on each axis if each m/s ahead takes away all of every command of propulsion, to first order."""
+    small = 1e-3 / motion.rms(motion.states["u"])
+    forces = []
+    for axis in motion.model.disturbance_axes:
+
+        def lost(signals: Mapping[str, Any], axis: str = axis) -> np.ndarray:
+            left = {name: x * (1.0 - small * signals["u"]) for name, x in motion.controls.items() if _propels(name)}
+            return motion.acceleration(axis, {**signals, **left}) - motion.acceleration(axis, signals)
+
+        forces.append(motion.inertia[axis] * motion.mean(lost) / small)
+    return np.stack(forces, -1)
+
+
+def _stated_inertia(model: VehicleModel) -> dict[str, float]:
+    """Return the inertia of each axis that is stated, that of the added mass included; 0 where forces are per unit of it."""
+    stated = dict(model.constants)
+    if model.per_unit_mass:
+        return {}
+    result = {}
+    for axis in model.disturbance_axes:
+        at = "XYZKMN".index(axis)
+        body = stated.get(f"mass {at}{at}", stated.get(f"inertia {axis}", 0.0))
+        result[axis] = body - stated.get(f"{axis}_{SPEEDS[axis]}dot", 0.0)
+    return result
+
+
+def _features(motion: _Motion, past: Mapping[str, list[np.ndarray]]) -> Float[np.ndarray, "rank trials n"]:
+    """Return the columns of the smooth force, means over each step."""
+    constant = [x for values in past.values() for x in values]
+    inputs = [motion.states[rate] for rate in motion.rates] + [*motion.controls.values(), *constant]
+    ends = [motion.next[rate] for rate in motion.rates] + [*motion.controls.values(), *constant]
+    inside = np.stack(inputs, -1)[motion.inside]
+    spread = inside.std(0)
+    moves = spread > 1e-9 * (1.0 + np.abs(inside).max(0))
+    centre, spread = inside.mean(0)[moves], spread[moves]
+    random = np.random.default_rng(0)
+    points = random.choice(len(inside), min(len(inside), POINTS), replace=False)
+    points = ((inside[:, moves] - centre) / spread)[np.sort(points)]
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.exp(-0.5 * ((a[:, None] - b) ** 2).sum(-1) / REACH**2)
+
+    pivots, factor, left = [], np.zeros((len(points), 0)), np.ones(len(points))
+    for _ in range(min(RANK, len(points))):
+        pivots.append(at := int(np.argmax(left)))
+        column = (kernel(points, points[[at]])[:, 0] - factor @ factor[at]) / np.sqrt(max(left[at], RIDGE))
+        factor, left = np.column_stack([factor, column]), np.maximum(left - column**2, 0.0)
+    root = np.linalg.cholesky(kernel(points[pivots], points[pivots]) + RIDGE * np.eye(len(pivots)))
+    features = np.zeros((len(pivots), *motion.step.shape))
+    for values in (inputs, ends):
+        scaled = (np.stack(values, -1)[motion.inside][:, moves] - centre) / spread
+        features[:, motion.inside] += 0.5 * np.linalg.solve(root, kernel(points[pivots], scaled))
+    return features
+
+
+def _late(
+    column: Float[np.ndarray, "trials n"], step: Float[np.ndarray, "trials n"], lag: float
+) -> Float[np.ndarray, "trials n"]:
+    """Return the mean over each step of what follows a held command with a lag, from where the first one holds it."""
+    actual, late = column[:, 0].copy(), np.empty_like(column)
+    left = np.exp(-step / lag)
+    share = np.where(step > 0, (1.0 - left) * lag / np.where(step > 0, step, 1.0), 1.0)
+    for k in range(column.shape[1]):
+        away = actual - column[:, k]
+        late[:, k] = column[:, k] + away * share[:, k]
+        actual = column[:, k] + away * left[:, k]
+    return late
+
+
+def _delayed(
+    column: Float[np.ndarray, "trials n"], step: Float[np.ndarray, "trials n"], delay: float
+) -> Float[np.ndarray, "trials n"]:
+    """Return the mean over each step of a held command some time before, from where the first one holds it."""
+    delayed = np.empty_like(column)
+    for own, times, values in zip(delayed, np.cumsum(step, 1) - step, column, strict=True):
+        area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(times))])
+        ends = [np.interp(times + shift - delay, times, area) for shift in (0.0, step.max())]
+        before = np.minimum(times - delay, 0.0) * values[0], np.minimum(times + step.max() - delay, 0.0) * values[0]
+        own[:] = (ends[1] + before[1] - ends[0] - before[0]) / step.max()
+    return delayed
+
+
+def _shape(posterior: Posterior, field: str) -> tuple[int, ...]:
+    """Return the shape of one column of a field of `Columns`."""
+    likelihood: Any = posterior.likelihood
+    model, (trials, n) = likelihood.model, posterior.data.step.shape
+    shapes = {
+        "force": (trials, n, len(model.disturbance_axes)),
+        "control": (trials, n, len(model.controls)),
+        "start": (trials, len(model.states)),
+    }
+    return shapes.get(field, (len(likelihood.channels),))
+
+
+def _no_columns(posterior: Posterior) -> Columns:
+    nothing = np.zeros(0, int)
+    return Columns(*((nothing, jnp.zeros((0, *_shape(posterior, field)))) for field in Columns._fields))
+
+
+@lru_cache(maxsize=64)
+def _pushed(model: VehicleModel) -> VehicleModel:
+    """Return the model with a force from outside on each axis among its controls."""
+    axes, own = model.disturbance_axes, len(model.controls)
+
+    def derivative(params: Any, state: tuple, control: tuple) -> tuple:
+        names = (outside_force(axis) for axis in axes)
+        pushes = {name: params.get(name, 0.0) + force for name, force in zip(names, control[own:], strict=True)}
+        return model.derivative({**params, **pushes}, state, control[:own])
+
+    controls = (*model.controls, *(f"outside {axis}" for axis in axes))
+    return replace(model, controls=controls, derivative=derivative)
+
+
+def _shown(posterior: Posterior, sensors: tuple[Sensor, ...], columns: Columns, z: Array, sizes: Array) -> Array:
+    """Return what sensors show with sources of error, shape (trials, n, sensors), and before their own scale and offset."""
+    likelihood: Any = posterior.likelihood
+    simulator = replace(likelihood.simulator, model=_pushed(likelihood.model), sensors=sensors)
+    values = dict(zip(posterior.names, posterior.constrain(z), strict=True))
+    force, control, start, *_ = columns.along(sizes)
+
+    def of_one_trial(apart: dict, trial: Any, begin: Array, force: Array, change: Array, start: Array) -> Array:
+        moved = tuple(column + change[:, i] for i, column in enumerate(trial.control))
+        pushes = tuple(force[:, i] for i in range(force.shape[1]))
+        return simulator.outputs({**values, **apart}, begin + start, (*moved, *pushes), trial.step)
+
+    starts = likelihood.starts(values, posterior.data)
+    return jax.vmap(of_one_trial)(likelihood.apart(values), posterior.data, starts, force, control, start)
+
+
+@program(static_argnums=1)
+def _follow(posterior: Posterior, states: tuple[str, ...], columns: Columns, z: Array, sizes: Array) -> Array:
+    """Return states of the motion, shape (trials, n, states)."""
+    return _shown(posterior, tuple(map(Sensor, states)), columns, z, sizes)
+
+
+@program
+def _shown_and_slopes(
+    posterior: Posterior, columns: Columns, z: Array, sizes: Array, ways: Array
+) -> tuple[Array, Array]:
+    """Return what every sensor shows, shape (trials, n, channels), and its slopes along ways of z and then the sizes."""
+
+    def shown(z: Array, sizes: Array) -> Array:
+        *_, scale, offset = columns.along(sizes)
+        plain = _shown(posterior, posterior.likelihood.simulator.sensors, columns, z, sizes)
+        return plain * (1.0 + scale) + offset
+
+    return jax.vmap(lambda way: jax.jvp(shown, (z, sizes), (way[: z.size], way[z.size :])), out_axes=(None, 0))(ways)
