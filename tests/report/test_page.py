@@ -339,7 +339,9 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     outcome = replace(outcome, chosen=replace(outcome.chosen, model_error_findings=(noise,)))
     html = render(replace(outcome, summary=summary, fits=fits, cross_validation=None))
     assert html.lower().count("set estimation.residuals") == 1
-    assert "most of the ± with model error is from slow errors of the sensors. Set estimation.residuals" in render(outcome)
+    assert "most of the ± with model error is from slow errors of the sensors. Set estimation.residuals" in render(
+        outcome
+    )
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -62,6 +62,7 @@ SHRUNK = (1.0, 0.3, 0.1, 0.0)  # Slow parts of a noise that are tried, over that
 # samples.
 SLOW, LENGTHS = (0.5, 2.0), (5.0, 50.0, 500.0)
 MAX_SOURCES, KEPT = 3, 4  # Sources in a set at most, and sets to which another is added
+NEAR_SIZES = 3  # Sizes of a source that are tried beside others
 MIN_LOG_SHARE = -6.0  # Log probability of such a set, over that of the best
 ROUNDS, SETTLED = 9, 0.2  # Rounds in which sets are followed at most; move of a value, over its sd, that ends them
 WIDE_LAGS, CLOSE_LAGS, NEAR_LAG = 1.3, 1.05, 0.1  # Ratios about a lag that was found, and its move that narrows them
@@ -340,6 +341,10 @@ class LinearModel:
                         height = members[key].log_density
                         if height > grown.get(frozenset(more), (-np.inf, {}))[0]:
                             grown[frozenset(more)] = height, dict(key)
+            if front == [{}]:  # from here on the sizes that do best alone
+                for i, options in looked.items():
+                    alone = [(members[((i, one),)].log_density, one) for one in options]
+                    looked[i] = [one for _, one in sorted(alone, reverse=True)[:NEAR_SIZES]]
             best = max(one.log_density for one in members.values())
             ranked = sorted(grown.values(), key=lambda pair: -pair[0])[:KEPT]
             front = [chosen for height, chosen in ranked if height > best + MIN_LOG_SHARE]
