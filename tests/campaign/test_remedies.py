@@ -187,7 +187,9 @@ def edited(text, kind, of, said):
 
 
 def looked_for(posterior):
-    return [one.effect for one in lay_out(posterior, np.zeros(posterior.dim), EXACT).sources]
+    at = lay_out(posterior, np.zeros(posterior.dim), EXACT)
+    assert at is not None
+    return [one.effect for one in at.sources]
 
 
 def with_moves(folder):
