@@ -322,6 +322,17 @@ def test_no_start_leads_higher_with_slow_noise(drift, monkeypatch):
         assert found.log_density > module.maximise_from(target, start).log_density - 1e-4
 
 
+@pytest.mark.parametrize(("memory", "shortest", "longest"), [(0.5, 0.3, 1.2), (20.0, 3.0, 40.0)])
+def test_the_slow_noise_of_a_start_remembers_about_as_long_as_the_error_does(memory, shortest, longest):
+    keep = np.exp(-0.1 / memory)
+    shocks = np.random.default_rng(6).normal(size=400)
+    target, _ = surge_posterior(slow=signal.lfilter([0.05 * np.sqrt(1 - keep**2)], [1.0, -keep], shocks))
+    start = module._inside(target, {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4, "sigma_u": 0.02})[0]
+    moved, _ = module._with_slow_noise(target, start)
+    found = dict(zip(target.names, np.asarray(target.constrain(moved)), strict=True))
+    assert shortest < found["drift_time_u"] < longest
+
+
 def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch):
     target, _ = surge_posterior()
     whole = find_mode(target, KEY)
