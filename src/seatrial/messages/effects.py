@@ -16,6 +16,13 @@ def thresholds() -> dict[str, float]:
 
 
 SLOW_RESIDUALS = "slow errors of the sensors"
+# How the sizes of effects are introduced.
+MEASURES = {
+    "thrust loss": ", by a share of about",
+    "start": ", by about",
+    "clock": ", by about",
+    "smooth force": ", over the force that the model has there about",
+}
 
 
 def effect_name(kind: str, of: str) -> str:
@@ -29,15 +36,15 @@ def effect_name(kind: str, of: str) -> str:
         "force": f"a force {of}",
         "inertia": f"the stated inertia along {of}",
         "scale": f"the scale of the sensor of {of}",
-        "clock": "commands that act before their stamps, by a lead",
+        "clock": "commands that act before their stamps",
         "run force": f"a force {of}_0 that differs from run to run",
-        "smooth force": f"a force along {of} that no term of the model has, by a share",
+        "smooth force": f"a force along {of} that no term of the model has",
         "command lag": f"a lag of the actuator of {of}" if of else "a lag of all actuators",
         "delay": "a delay of the actuators",
-        "thrust loss": "a thrust that falls with the speed, by a share",
+        "thrust loss": "a thrust that falls with the speed",
         "command offset": f"an offset of the command {of}",
         "sensor offset": f"an offset of {of}, a bias of the sensor or a current,",
-        "start": f"a start of {of} that differs from the assumed one, by an error",
+        "start": f"a start of {of} that differs from the assumed one",
     }[kind]
 
 
@@ -48,10 +55,13 @@ def effect_names(effects: Any) -> str:
 
 def _missing(values: Mapping[str, Any]) -> str:
     alike = f" (or {effect_names(values['alike'])}: the data cannot separate them)" if values["alike"] else ""
-    size = f"{values['size']:.2g} ± {values['sd']:.1g} {values['unit']}".rstrip()
+    error = f" ± {values['sd']:.1g}" if values["sd"] else ""  # a force of many columns has no one size
+    size = f"{values['size']:.2g}{error} {values['unit']}".removesuffix(" 1")
+    ((kind, _),) = values["effects"]
+    missing = f"{effect_names(values['effects'])}{MEASURES.get(kind, ' of about')} {size}"
     return (
-        f"the model lacks {effect_names(values['effects'])} of about {size}{alike}: with it {{subject[0]}} would move by "
-        f"{abs(values['shift']):.2g} of its standard deviations, so the stated uncertainty is too small"
+        f"the model lacks {missing}{alike}: with it {{subject[0]}} would move by {abs(values['shift']):.2g} of its standard deviations, so "
+        "the stated uncertainty is too small"
     )
 
 
