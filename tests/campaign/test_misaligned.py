@@ -166,7 +166,7 @@ def axes_of(folder, columns=None, turned=0.0):
 @pytest.mark.parametrize(
     ("columns", "turned", "level", "mirrored", "remedy"),
     [
-        ({}, 5.0, "pass", None, ()),
+        ({}, 4.0, "pass", None, ()),
         ({}, 90.0, "alarm", False, 90.0),
         ({}, -60.0, "alarm", False, -60.0),
         ({"u": ("v", 1.0), "v": ("u", 1.0)}, 0.0, "alarm", True, ("left-handed",)),

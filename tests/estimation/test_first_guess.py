@@ -105,9 +105,12 @@ def test_nothing_is_guessed_where_no_velocity_is_measured():
     assert first_guess(model(), [blind], [(0.0, 0.0)], PRIORS) == {}
 
 
-@pytest.mark.parametrize(("count", "is_told"), [(400, True), (3, False)])
-def test_the_turn_of_a_sensor_is_told_where_the_coefficients_can_be_fitted(count, is_told):
-    """Linear surge and sway under steps, in closed form, seen 0.45 rad from port; three samples are too few for four coefficients."""
+@pytest.mark.parametrize(
+    ("angle", "count", "noise"),
+    [(0.45, 400, 0.05), (0.45, 3, 0.05), (0.3, 400, 0.05), (-0.2, 400, 0.02), (3.1, 400, 0.02), (-0.26, 400, 0.002)],
+)
+def test_the_turn_of_a_sensor_is_told_where_the_coefficients_can_be_fitted(angle, count, noise):
+    """Linear surge and sway under steps, in closed form, seen from aside; three samples are too few for four coefficients."""
     truth = {"X_u": -9.0, "T_nabsn": 2e-3, "Y_v": -30.0, "Y_delta_r": 60.0}
     hull = Hull("boat", 30.0, thrust_deduction=0.0, fixed={}, trim={"u": 1.0})
     vehicle = whole_vehicle(hull, tuple(truth), moves=("u", "v"))
@@ -117,8 +120,8 @@ def test_the_turn_of_a_sensor_is_told_where_the_coefficients_can_be_fitted(count
     for k in range(count - 1):
         steady = np.array([truth["T_nabsn"] * n[k] ** 2 / 9.0, truth["Y_delta_r"] * delta[k] / 30.0])
         true[k + 1] = steady + (true[k] - steady) * np.exp(-0.1 * np.array([9.0, 30.0]) / 30.0)
-    u, v = (true + 0.05 * np.random.default_rng(1).normal(size=(count, 2))).T
-    shown = {"u": np.cos(0.45) * u + np.sin(0.45) * v, "v": np.cos(0.45) * v - np.sin(0.45) * u}
+    u, v = (true + noise * np.random.default_rng(1).normal(size=(count, 2))).T
+    shown = {"u": np.cos(angle) * u + np.sin(angle) * v, "v": np.cos(angle) * v - np.sin(angle) * u}
     channels = tuple(
         Channel(name, signal_unit(name), "measurement" if name in shown else "control")
         for name in ("n", "delta_r", "u", "v")
@@ -126,10 +129,10 @@ def test_the_turn_of_a_sensor_is_told_where_the_coefficients_can_be_fitted(count
     log = make_record(time, {"n": n, "delta_r": delta, **shown}, channels, Provenance("made", "0" * 64), "1")
     priors = {name: Normal(value, 0.5 * abs(value)) for name, value in truth.items()}
     turn = turn_of_sensor(vehicle, log, (1.0, 0.0), priors, ("u", "v"))
-    assert (turn is not None) == is_told
+    assert (turn is not None) == (count > 3)
     if turn is not None:
         assert turn.axis == 2
-        assert abs(turn.angle - 0.45) < 3 * turn.sd < 0.25
+        assert abs(np.angle(np.exp(1j * (turn.angle - angle)))) < 3 * turn.sd < 0.25
 
 
 @pytest.mark.proof

@@ -25,9 +25,9 @@ from seatrial.vehicles.model import VehicleModel
 
 SAMPLES = 8  # Samples in a window
 STEPS = 4  # Gauss-Newton steps, each with every velocity weighed anew by what is left of it
-# Angles of a turn that are tried; half width of the parabola about the best, rad; least step of a motion in which it
-# is sought, s.
-GRID, _WIDE, STEP = 12, np.radians(15.0), 0.1
+# Angles of a turn that are tried; distance of angles between which the misfit bends, rad; least step of a motion in
+# which it is looked for, s.
+GRID, BEND, STEP = 12, 0.1, 0.1
 _INDEPENDENT = 0.1  # Rows that are worth one, as neighbours share their noise
 
 
@@ -132,24 +132,21 @@ def turn_of_sensor(
 
 
 def _least(axis: int, fitted: Callable[[float], "_Fit | None"]) -> Turn:
-    """Return the angle of least misfit: from a grid over the whole turn by parabolas, the second of which tells its standard deviation."""
+    """Return the angle of least misfit, from a grid over the whole turn on, and its standard deviation by the bend of the misfit there."""
+    from scipy.optimize import fminbound
 
     def misfit(angle: float) -> float:
         fit = fitted(angle)
         return np.inf if fit is None else fit.misfit
 
-    grid = np.arange(-GRID // 2, GRID // 2) * 2 * np.pi / GRID
-    angle, curvature = min(grid, key=misfit), np.nan
-    for wide, count in ((_WIDE, 7), (0.4 * _WIDE, 3)):
-        tried = np.linspace(-wide, wide, count)
-        curvature, slope, _ = np.polyfit(tried, [misfit(angle + one) for one in tried], 2)
-        if not curvature > 0:
-            return Turn(axis, angle, np.inf, 0.0, np.inf)
-        angle += float(np.clip(-slope / (2.0 * curvature), -wide, wide))
+    step = 2 * np.pi / GRID
+    nearest = min(np.arange(-GRID // 2, GRID // 2) * step, key=misfit)
+    angle = float(fminbound(misfit, nearest - step, nearest + step, xtol=1e-4))
     fit = fitted(angle)
-    if fit is None:
+    bend = (misfit(angle - BEND) - 2.0 * misfit(angle) + misfit(angle + BEND)) / BEND**2
+    if fit is None or not bend > 0:
         return Turn(axis, angle, np.inf, 0.0, np.inf)
-    return Turn(axis, angle, float(1.0 / np.sqrt(2.0 * curvature)), misfit(0.0) - fit.misfit, fit.missed)
+    return Turn(axis, angle, float(1.0 / np.sqrt(bend)), misfit(0.0) - fit.misfit, fit.missed)
 
 
 def _coarser(motion: "_Motion") -> "_Motion":
