@@ -126,6 +126,7 @@ def test_the_recursive_answer_is_that_of_the_batch_within_a_third_of_its_sd(camp
         assert 0.85 * its_sd < one.sd < 1.6 * its_sd
 
 
+@pytest.mark.proof
 def test_the_advice_of_a_trial_that_meets_its_goal_rests_or_is_of_another_vehicle(campaign):
     n, u = trial(700, seed=2)
     campaign = replace(campaign, goal=Goal(sds={"X_uabsu": 0.04}))
@@ -258,6 +259,7 @@ def narrow(campaign):
     return replace(campaign, priors=priors)
 
 
+@pytest.mark.proof
 def test_a_speed_that_contradicts_the_trim_is_told(campaign):
     trim = campaign.hull.trim
     session = Session(campaign, "simulated")

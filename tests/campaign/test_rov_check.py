@@ -100,6 +100,7 @@ def test_a_mount_that_is_stated_is_believed(tmp_path, motion):
     assert {one.level for one in found if one.code == "direction-reversed" and one.subject[0] in "uvw"} == {"pass"}
 
 
+@pytest.mark.proof
 def test_a_prior_that_excludes_the_data_is_refused_with_what_the_check_finds(turned, monkeypatch):
     campaign, trials = turned
     study = Study(campaign, trials.fit)

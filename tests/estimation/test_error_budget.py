@@ -130,7 +130,8 @@ def two_axes_of(coupling, drag=0.0, seed=2):
     return make_posterior(axes_vehicle("two axes", equations), record, priors, ["u", "q"])
 
 
-@pytest.mark.parametrize("coupling", [pytest.param(0.0, marks=pytest.mark.proof), 0.3])
+@pytest.mark.proof
+@pytest.mark.parametrize("coupling", [0.0, 0.3])
 def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     posterior = two_axes_of(coupling)
     found = error_budget(posterior, find_mode(posterior, 0)).omitted
@@ -297,6 +298,9 @@ def test_a_set_of_sources_has_the_density_and_values_of_the_dense_normal():
         np.testing.assert_allclose(member.cov, np.diag(variance) - gain @ (design * variance), rtol=1e-3, atol=1e-8)
     heights = np.array([one.log_density for one in members])
     np.testing.assert_allclose(np.diff(heights), np.diff(densities), atol=0.05)
+    for at, value in enumerate(members[2].values[: len(model.moving)]):  # what errors add up to, away from the mode too
+        total = model.added(members[2:], np.ones(1), at, value - 0.1).sum()
+        assert total == pytest.approx(members[2].cov[at, at] + 0.01, rel=1e-9)
 
 
 def test_a_stated_inertia_is_in_every_force():
@@ -362,6 +366,7 @@ def test_intervals_hold_where_runs_differ_or_noise_is_slow(differ, slow, narrow,
     assert np.mean(wider) >= stats.binom.ppf(0.005, 40, 0.9) / 40
 
 
+@pytest.mark.proof
 def test_slow_residuals_under_white_noise_are_seen():
     posterior = runs_of(3, count=2, slow=0.05)
     assert error_budget(posterior, find_mode(posterior, 0)).slow == ("u",)

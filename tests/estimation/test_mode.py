@@ -298,6 +298,7 @@ def test_noise_begins_at_the_size_of_the_residuals():
     assert np.array_equal(found[kept], values_of(target, start)[kept])
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("drift", [0.0, 0.05])
 def test_no_start_leads_higher_with_slow_noise(drift, monkeypatch):
     """On white data and on a slow error of two and a half times the noise, from the truth and from draws of the prior."""

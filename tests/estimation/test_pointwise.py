@@ -71,6 +71,7 @@ def test_sum_is_the_log_likelihood(noise):
     assert_sums_to_the_log_likelihood(target, some_draws(target, 2, 70))
 
 
+@pytest.mark.proof
 def test_estimated_initial_states_and_delay():
     rng = np.random.default_rng(7)
     time, rev = np.arange(50) * 0.1, rng.uniform(5, 20, 50)

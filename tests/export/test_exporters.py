@@ -150,6 +150,7 @@ def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
     assert loss_words(state(make_exporter("json"), vehicle, PROVENANCE).loss) == "none"
 
 
+@pytest.mark.proof
 def test_lags_that_a_target_lacks_count_in_the_loss(monkeypatch):
     """BlueROV2 in gz loses nothing else in still water; Fossen's simulator has the lags."""
     monkeypatch.setattr(manoeuvre, "DURATION", 8.0)

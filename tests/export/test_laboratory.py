@@ -46,6 +46,7 @@ def subject(label="bluerov2_heavy"):
     return laboratory.subject_of(label, make_exporter("gz"))
 
 
+@pytest.mark.proof
 def test_a_twin_of_ourselves_differs_in_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(laboratory, "RESULTS", tmp_path)
     found, one = laboratory.Results("python mirror.py"), subject()

@@ -32,6 +32,7 @@ def test_log_density_of_fresh_draws_is_that_of_a_multivariate_t():
     np.testing.assert_allclose(ours - ours[0], exact - exact[0], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.proof
 def test_nearly_normal_posterior_takes_fresh_draws_and_forgets_at_once():
     """Four times the effective draws of the random walk alone; the share of fresh draws is what is accepted of them."""
     target, settings = linear_gaussian(2).posterior, ChainSettings(draws=1000)

@@ -59,6 +59,7 @@ def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
     assert abs(np.log(0.8)) < found.resolution < 2.0
 
 
+@pytest.mark.proof
 def test_draws_of_the_importance_sampling_are_those_asked_for():
     """Four times the draws halve its error, and no random number of tempered SMC moves."""
     target, _ = one_peak()

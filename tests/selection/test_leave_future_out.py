@@ -76,6 +76,7 @@ def test_closed_form(d):
     assert found.criterion.status == ""
 
 
+@pytest.mark.proof
 def test_refits_happen_only_when_needed():
     """The posterior of the right model shrinks, that of the wrong one also moves: the draws it had soon count no more."""
     assert predicted(4).refits[0] == 20.0

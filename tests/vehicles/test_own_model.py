@@ -64,6 +64,7 @@ def test_coefficients_of_an_own_equation_are_found_with_their_units():
         assert table.loc[name, "unit"] == str(model.unit_of(model.coefficients[list(TRUTH).index(name)]))
 
 
+@pytest.mark.proof
 def test_own_equation_of_a_known_vehicle_has_its_posterior():
     vehicle = st.load_vehicle("remus100_surge")
     built = vehicle.build(free=["X_uabsu"])
