@@ -68,10 +68,8 @@ ROUNDS, SETTLED = 9, 0.2  # Rounds in which sets are followed at most; move of a
 WIDE_LAGS, CLOSE_LAGS, NEAR_LAG = 1.3, 1.05, 0.1  # Ratios about a lag that was found, and its move that narrows them
 LATE = "command lag", "delay"  # Effects whose size is a lag
 MIN_LATE, MIN_LAG = 0.2, 0.02  # Share of a command that comes late, and lag, s, from which a lag is followed
-NOISE_ROUNDS, NOISE_SETTLED = (
-    6,
-    1e-3,
-)  # Rounds in which the noise of a set is found at most, and the gain that ends them
+# Rounds in which the noise of a set is found at most, and the gain that ends them.
+NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
 # Probability below the upper end of a 90 % interval, and halvings by which that end is found.
 BAND, BISECTIONS = 0.95, 50
 # Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong
