@@ -21,7 +21,7 @@ from seatrial.design.plan_search import Plan
 from seatrial.design.results import BestDesign, FreeTrial, RelayTrial, Searched
 from seatrial.design.sensor_choice import SensorComparison
 from seatrial.design.utility_agreement import Agreement
-from seatrial.estimation.diagnostics.known import Known, KnownParameter
+from seatrial.estimation.diagnostics.known import ErrorShares, Known, KnownParameter
 from seatrial.estimation.posterior.profile_result import Profiles
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.export.target import MotionChange
@@ -84,31 +84,31 @@ class Named(TypedDict):
 
 
 class FirstValue(Named):
-    """One number of a first answer, SI, found as `by` says; `model_error_sd` is that of `StoredCoefficient`, null of a regression."""
+    """One number of a first answer, SI, found as `by` says; `shares` as in `StoredCoefficient`, null where the ± is the noise alone."""
 
     by: str
     value: Number
     sd: Number
-    model_error_sd: Number
-    model_error_cause: str
+    shares: ErrorShares | None
+    cause: str
 
 
 class EstimatedStructure(TypedDict):
-    """One structure by chains; `model_error` says what the ± with model error is made of and how to get rid of it."""
+    """One structure by chains; `contains` says what the ± is made of and how to reduce what adds most."""
 
     estimate: Estimate
-    model_error: list[str]
+    contains: list[str]
     known: Known
     held_back: list[Fit]
 
 
 class FirstStructure(TypedDict):
-    """First answer of one structure; `model_error` as in `EstimatedStructure`."""
+    """First answer of one structure; `contains` as in `EstimatedStructure`."""
 
     label: str
     terms: list[str]
     values: list[FirstValue]
-    model_error: list[str]
+    contains: list[str]
     log_evidence_laplace: Number
     held_back: list[Fit]
     symmetry: list[str]

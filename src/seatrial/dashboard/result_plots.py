@@ -61,10 +61,9 @@ def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:
         with decoding(path, "seatrial estimate"):
             columns = (estimate.data[name].values.tolist() for name in ("label", "unit", "mean", "sd"))
             rows = tuple(
-                (name, *row, estimate.wider(name), estimate.wider_cause(name))
-                for name, *row in zip(estimate.names, *columns, strict=True)
+                (name, *row, estimate.causes.get(name, "")) for name, *row in zip(estimate.names, *columns, strict=True)
             )
-        structure, remarks = estimate.structure, sentences(estimate.model_error_findings)
+        structure, remarks = estimate.structure, sentences(estimate.cause_findings)
         structures.append(EstimatedStructure(structure.label, structure.terms, rows, estimate.alarms, tuple(remarks)))
     return tuple(structures)
 

@@ -91,15 +91,14 @@ class EstimatedStructure(NamedTuple):
     Attributes:
         label: of the structure.
         terms: names of its coefficients.
-        rows: of each parameter its name, LaTeX label, SI unit, mean, standard deviation, that with model error (None where it is not much
-            larger), and what makes most of it.
+        rows: of each parameter its name, LaTeX label, SI unit, mean, standard deviation, and what adds most to that.
         alarms: why the draws are not to be used.
-        remarks: what makes most of the ± with model error, and how to get rid of it.
+        remarks: what adds most to the ±, and how to reduce it.
     """
 
     label: str
     terms: tuple[str, ...]
-    rows: tuple[tuple[str, str, str, float, float, float | None, str], ...]
+    rows: tuple[tuple[str, str, str, float, float, str], ...]
     alarms: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 

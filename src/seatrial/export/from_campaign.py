@@ -38,7 +38,7 @@ from seatrial.export.vehicle import (
 )
 from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.messages.render import sentences
+from seatrial.messages.render import sentence, sentences
 from seatrial.sampling.run import Draws
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
@@ -181,11 +181,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         ),
         (
             *estimate.alarms,
-            *(
-                f"{name} has a standard deviation of {wider:.3g} with model error, mostly {estimate.model_error_causes.get(name, '')}"
-                for name in estimate.names
-                if name in coefficients and (wider := estimate.wider(name)) is not None
-            ),
+            *(sentence(one) for one in estimate.cause_findings),
             *(
                 f"{name} = {x:.4g} was found and is not in this export"
                 for name, x in beside.items()
@@ -270,19 +266,18 @@ def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, 
 
 def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> CoefficientEstimates:
     names = tuple(term for term in structure.terms if term in estimate.names)
-    draws = estimate.draws(names)
-    covariance = np.cov(draws.T, bias=True).reshape(len(names), len(names))
+    widened = np.stack([estimate.widened_draws(name) for name in names], 1) if names else np.zeros((1, 0))
+    covariance = np.cov(widened.T, bias=True).reshape(len(names), len(names))
     averaged = tuple(
-        AveragedCoefficient(one.name, one.mean, one.sd, one.model_error_sd, one.inclusion)
+        AveragedCoefficient(one.name, one.mean, one.sd, one.inclusion)
         for one in summary.averaged
         if is_coefficient(one.name)
     )
     return CoefficientEstimates(
         names,
-        draws.mean(0),
+        estimate.draws(names).mean(0),
         np.sqrt(np.diag(covariance)),
         covariance,
-        {name: wider for name in names if (wider := estimate.wider(name)) is not None},
         averaged,
         summary.quoted if averaged else "",
     )

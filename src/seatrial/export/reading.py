@@ -17,7 +17,7 @@ from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
 
 # Keys that files of earlier versions of the same format lack.
-LATER_KEYS = ("model_error_sd", "uncertainty", "quoted", "averaged")
+LATER_KEYS = ("uncertainty", "quoted", "averaged")
 _ROUNDING = 1e-9  # Relative difference that is rounding
 
 
@@ -159,19 +159,16 @@ def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
     spread = np.sqrt(np.diag(covariance))
     if mean.shape != sd.shape or not np.allclose(spread, sd, rtol=1e-6) or not np.allclose(covariance, covariance.T):
         raise ValueError("a covariance that is not symmetric, or whose diagonal is not sd^2")
-    wider = zip(names, table.get("model_error_sd", [None] * len(names)), strict=True)
     averaged = tuple(
         AveragedCoefficient(
             CoefficientName.parse(one["name"]).text,
             _number(one["mean"]),
             _number(one["sd"]),
-            None if one["model_error_sd"] is None else _number(one["model_error_sd"]),
             _number(one["inclusion"]),
         )
         for one in table.get("averaged", ())
     )
-    with_error = {name: _number(value) for name, value in wider if value is not None}
-    return CoefficientEstimates(names, mean, sd, covariance, with_error, averaged, str(table.get("quoted", "")))
+    return CoefficientEstimates(names, mean, sd, covariance, averaged, str(table.get("quoted", "")))
 
 
 def _provenance(path: Path, content: dict[str, Any]) -> ExportProvenance:

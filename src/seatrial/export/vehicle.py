@@ -25,9 +25,9 @@ from seatrial.vehicles.whole import whole_vehicle
 FILL_FROM = "--fill-from"  # The option that names a published vehicle for what a campaign does not know
 # What the numbers of `CoefficientEstimates` mean, as the files say it.
 UNCERTAINTY = (
-    "sd and covariance hold within the exported model, as if its terms and noise were right; model_error_sd holds if they are not, and is "
-    "absent where it is not larger by more than a half; averaged values are over all models by their probabilities, where a model without "
-    "the coefficient counts as zero"
+    "sd and covariance of a campaign contain noise, stated inputs, differences between runs and effects that the model may lack; "
+    "correlations are those of the posterior; averaged values are over all models by their probabilities, where a model without the "
+    "coefficient counts as zero"
 )
 SAME_MASS = 1e-3  # Difference of two masses, as a share, up to which they are the same vehicle's
 
@@ -36,14 +36,12 @@ SAME_MASS = 1e-3  # Difference of two masses, as a share, up to which they are t
 class AveragedCoefficient:
     """A coefficient averaged over all structures by their probabilities, SI; a structure without it counts as zero.
 
-    `model_error_sd` is its standard deviation with model error, None where that is not larger by more than a half; `inclusion` the
-    probability of the structures that have it.
+    `inclusion` is the probability of the structures that have it.
     """
 
     name: str
     mean: float
     sd: float
-    model_error_sd: float | None
     inclusion: float
 
 
@@ -54,9 +52,8 @@ class CoefficientEstimates:
     Attributes:
         names: of the coefficients of one structure, in the order of the arrays.
         mean: of the posterior.
-        sd: its standard deviation, within the structure.
-        covariance: likewise.
-        model_error_sd: standard deviation with model error, by name, of those where it is larger by more than a half.
+        sd: its standard deviation, with all errors.
+        covariance: of these standard deviations, with the correlations of the posterior.
         averaged: over all structures; none where there was one alone.
         quoted: whose values to quote, `chosen` or `averaged`; empty if nothing says so.
     """
@@ -65,7 +62,6 @@ class CoefficientEstimates:
     mean: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
     sd: Float[np.ndarray, " k"] = field(default_factory=lambda: np.zeros(0))
     covariance: Float[np.ndarray, "k k"] = field(default_factory=lambda: np.zeros((0, 0)))
-    model_error_sd: Mapping[str, float] = field(default_factory=dict)
     averaged: tuple[AveragedCoefficient, ...] = ()
     quoted: str = ""
 

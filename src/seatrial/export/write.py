@@ -176,17 +176,16 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
     if provenance.structure:
         lines.append(f"structure: {provenance.structure}")
     estimated = vehicle.estimated
-    heading = "estimated, mean ± standard deviation within the model:"
+    heading = "estimated, mean ± standard deviation:"
     lines.append(heading if estimated.names else "estimated: nothing, all is published")
     for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
-        wider = estimated.model_error_sd.get(name)
-        more = "" if wider is None else f", ± {wider:.2g} with model error"
-        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}{more}")
+        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
     if estimated.quoted == "averaged":
         lines.append(f"to quote: {QUOTED['averaged']}:")
-        for one in estimated.averaged:
-            sd, unit = one.model_error_sd or one.sd, CoefficientName.parse(one.name).unit
-            lines.append(f"  {one.name} = {one.mean:.6g} ± {sd:.2g} {unit}")
+        lines += [
+            f"  {one.name} = {one.mean:.6g} ± {one.sd:.2g} {CoefficientName.parse(one.name).unit}"
+            for one in estimated.averaged
+        ]
     for title, items in (
         ("dropped by the selection", provenance.dropped),
         ("taken from elsewhere", provenance.sources),

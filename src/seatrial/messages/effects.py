@@ -1,20 +1,39 @@
-"""Messages about effects that a model lacks, and about the ± with model error."""
+"""Messages about effects that a model lacks, and about what a ± is made of."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
-from seatrial.core.display_units import listed
+from seatrial.core.display_units import listed, percent
 from seatrial.core.findings import Finding
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.messages.entry import Entry, Remedy
+
+if TYPE_CHECKING:
+    from seatrial.estimation.diagnostics.error_budget import ErrorBudget
+    from seatrial.estimation.diagnostics.error_sources import StatedErrors
 
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.diagnostics.error_budget import MIN_LOG_ODDS, MIN_SD_RATIO, MIN_SHIFT
+    from seatrial.estimation.diagnostics.error_budget import (
+        MIN_CONTRADICTION,
+        MIN_LOG_ODDS,
+        MIN_SHIFT,
+        MIN_SLOW_RATIO,
+    )
 
-    return {"MIN_SHIFT": MIN_SHIFT, "MIN_LOG_ODDS": MIN_LOG_ODDS, "MIN_SD_RATIO": MIN_SD_RATIO}
+    return {
+        "MIN_SHIFT": MIN_SHIFT,
+        "MIN_LOG_ODDS": MIN_LOG_ODDS,
+        "MIN_SLOW_RATIO": MIN_SLOW_RATIO,
+        "MIN_CONTRADICTION": MIN_CONTRADICTION,
+    }
 
 
+# How the parts of a ± are called, by the fields of `ErrorShares`.
+NAMES_OF_ORIGINS = {"noise": "noise", "stated": "stated inputs", "runs": "differences between runs", "model": "model"}
+MOSTLY, MIN_SHARE = 0.95, 0.005  # Share of noise from which nothing else is named, and share from which a part is
 SLOW_RESIDUALS = "slow errors of the sensors"
 # How the sizes of effects are introduced.
 MEASURES = {
@@ -65,9 +84,25 @@ def _missing(values: Mapping[str, Any]) -> str:
     )
 
 
-def _wide(values: Mapping[str, Any]) -> str:
-    cause = effect_names(values["effects"]) or SLOW_RESIDUALS
-    return f"{{subject:and}}: most of the ± with model error is from {cause}"
+def _main(values: Mapping[str, Any]) -> str:
+    return f"{{subject:and}}: most of the ± is from {effect_names(values['effects']) or SLOW_RESIDUALS}"
+
+
+def _contradicted(values: Mapping[str, Any]) -> str:
+    (((kind, of),), size) = values["effects"], values["size"]
+    error, stated = (percent(values[key]) for key in ("sd", "stated"))
+    if kind == "clock":
+        way = "later" if size > 0 else "earlier"
+        return (
+            f"the data ask for commands that act {abs(size):.2g} samples {way}, where ± {values['stated']:g} is stated; or the model "
+            "lacks an effect that looks alike"
+        )
+    what = f"an inertia along {of}" if kind == "inertia" else f"a scale of the sensor of {of}"
+    more = "larger" if size > 0 else "smaller"
+    return (
+        f"the data ask for {what} that is {percent(abs(size))} (± {error}) {more} than stated, where ± {stated} is stated; or the model "
+        "lacks an effect that looks alike"
+    )
 
 
 def _of(kind: str, values: Mapping[str, Any]) -> list[str]:
@@ -102,23 +137,38 @@ ENTRIES = {
             "wider-structure",
         ),
     ),
-    "model-error-wide": Entry(
-        title="Model error",
-        sentence=_wide,
-        meaning="The ± within the model is not enough: effects that the model may lack, runs that differ, or errors of the sensors that "
-        "last move the value further.",
-        decided="The standard deviation with model error is more than {MIN_SD_RATIO:g} times that within the model.",
+    "main-error": Entry(
+        title="Main error",
+        sentence=_main,
+        meaning="More data of the same kind would narrow this ± little: its largest part is not the noise, or is slow noise.",
+        decided="Noise makes less than half of the variance, or slow noise makes the ± more than {MIN_SLOW_RATIO:g} times as wide.",
+        example=Finding("main-error", "note", ("X_u", "T_nabsn"), {"effects": (("inertia", "X"),)}, ("weigh-vehicle",)),
+        remedies=("weigh-vehicle", "calibrate-sensor", "better-noise", "add-force", "compare-runs"),
+    ),
+    "input-contradicted": Entry(
+        title="Input contradicted",
+        sentence=_contradicted,
+        meaning="The data determine a stated input, and its stated value is improbable.",
+        decided="The value by the data is more than {MIN_CONTRADICTION:g} stated standard deviations from the stated one.",
         example=Finding(
-            "model-error-wide",
-            "note",
-            ("X_u",),
-            {"effects": (("force", "X_uuu"),)},
-            ("add-force",),
+            "input-contradicted",
+            "caution",
+            (),
+            {"effects": (("inertia", "X"),), "size": -0.16, "sd": 0.012, "stated": 0.05},
+            ("weigh-vehicle",),
         ),
-        remedies=("better-noise", "add-force", "compare-runs", "compare-blocks"),
+        remedies=("weigh-vehicle", "calibrate-sensor", "measured-command"),
     ),
 }
 REMEDIES = {
+    "weigh-vehicle": Remedy(
+        command="weigh the vehicle with the water in it, correct [vehicle], and state estimation.inertia_error",
+        python="weigh the vehicle with the water in it, correct its mass, and state `StatedErrors(inertia=...)`",
+    ),
+    "calibrate-sensor": Remedy(
+        command="compare the sensor with a known distance or another sensor, and state estimation.scale_error",
+        python="compare the sensor with a known distance or another sensor, and state `StatedErrors(scale=...)`",
+    ),
     "add-force": Remedy(
         command=lambda values: f"add {listed(_of('force', values), 'or')} to structure.optional, with a prior",
         python=lambda values: f"make the coefficient {listed(_of('force', values), 'or')} free, with a prior",
@@ -167,16 +217,30 @@ REMEDIES = {
         command="look for what changed between the runs, or let a coefficient vary by estimation.varying",
         python="look for what changed between the runs, or let a coefficient vary by `own`",
     ),
-    "compare-blocks": Remedy(command="look for what changed during the run, or fit more runs"),
 }
 
 
-def with_model_error(wider: float | None, cause: str, factor: float) -> str:
-    """Return what follows a value and its standard deviation where a wider one survives an error of the model; empty for none.
+def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
+    """Return what a ± contains beside the noise."""
+    if not budget.tried:
+        return "± contains the noise alone; the process noise stands for errors of the model"
+    sizes = {
+        f"inertia {percent(stated.inertia)}": stated.inertia,
+        f"scale of speed sensors {percent(stated.scale)}": stated.scale,
+        f"time of commands {stated.clock:g} sample{'s' * (stated.clock > 1)}": stated.clock,
+    }
+    inputs = listed([words for words, size in sizes.items() if size]) or "taken as exact"
+    return (
+        f"± contains noise, also slow noise; stated inputs ({inputs}); differences between runs; and {len(budget.tried)} effects that the "
+        "model may lack. Other effects can move values further."
+    )
 
-    Args:
-        wider: that standard deviation, SI.
-        cause: what makes most of it.
-        factor: from SI to the unit in which it is shown.
-    """
-    return "" if wider is None else f", ± {factor * wider:.3g} with model error (mostly {cause})"
+
+def shares_text(shares: ErrorShares, cause: str) -> str:
+    """Return what a ± is made of: `stated inputs 82 %, noise 18 %: the stated inertia along X`; empty where it is mostly noise."""
+    parts = {NAMES_OF_ORIGINS[one.name]: getattr(shares, one.name) for one in fields(shares)}
+    if shares.noise > MOSTLY and not cause:
+        return ""
+    ordered = sorted(parts.items(), key=lambda part: -part[1])
+    words = ", ".join(f"{name} {share:.0%}".replace("%", " %") for name, share in ordered if share >= MIN_SHARE)
+    return f"{words}: {cause}" if cause else words

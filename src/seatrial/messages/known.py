@@ -32,27 +32,22 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
 
 
 def verdict_of(known: Known) -> tuple[str, ...]:
-    """Return the verdict; where there is none, that each parameter is known, within the model alone if its error leaves one unknown."""
+    """Return the verdict; where there is none, that each parameter is known, and which only to more than half of its value."""
     if known.verdict:
         return known.verdict
-    if not known.unsure:
+    if known.stage == "before" or not known.unsure:
         return (BY_ITSELF,)
-    doubt = f"with model error not {listed(known.unsure)}: that ± is over half of the value"
-    return (f"{BY_ITSELF} within the model, but {doubt}",)
+    return (f"{BY_ITSELF}, but {listed(known.unsure)} only to ± more than half of the value",)
 
 
 def known_cautions(known: Known) -> tuple[str, ...]:
-    """Return which parameters are not known separately, or only if the model is right; empty if each is known."""
+    """Return which parameters are not known separately, or hardly; empty if each is known."""
     return verdict_of(known) if known.verdict or known.unsure else ()
 
 
 def known_to(item: KnownParameter) -> str:
-    """Return the relative standard deviation in words, and what it is with an error of the model where that is more."""
-    shares = [item.relative]
-    if item.model_error_sd and item.sd > 0:
-        shares.append(item.relative * item.model_error_sd / item.sd)
-    words = ["not at all" if share >= VAIN else percent(share) for share in shares]
-    return words[0] if len(words) == 1 or words[0] == words[1] else f"{words[0]}, {words[1]} with model error"
+    """Return the relative standard deviation in words."""
+    return "not at all" if item.relative >= VAIN else percent(item.relative)
 
 
 def parts_of(direction: Direction) -> tuple[tuple[str, str], ...]:

@@ -1,4 +1,4 @@
-"""How well a model predicts, and how far its uncertainty holds, in words: shares explained, baselines, short horizons, model error."""
+"""How well a model predicts, and how far its uncertainty holds, in words: shares explained, baselines, short horizons."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,6 @@ from seatrial.estimation.prediction.fitted_range import Outside
 
 if TYPE_CHECKING:
     from seatrial.estimation.diagnostics.calibration import Calibration
-    from seatrial.estimation.diagnostics.error_budget import ErrorBudget
     from seatrial.estimation.prediction.short_horizon import ShortHorizon
 
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
@@ -146,22 +145,6 @@ def _in_runs(one: Comparison) -> str:
         return f" in the only run{far}"
     worse = f"{',' if far else ''} and worse in {count - better}" if better < count else ""
     return f" in {better} of {count} runs{far}{worse}"
-
-
-def model_error_text(budget: "ErrorBudget") -> str:
-    """Return what the ± with model error contains, that no value needs one, or that there is none."""
-    from seatrial.estimation.diagnostics.error_budget import MIN_SD_RATIO
-
-    if not budget.tried:
-        return "± with model error: not judged; the process noise stands for what the model lacks"
-    did = f"{len(budget.tried)} effects that the model may lack, runs that differ, and errors of the sensors that last"
-    beyond = "Effects that are not tried can move values further."
-    if not (budget.ratio > MIN_SD_RATIO).any():
-        return f"± with model error: not needed. seatrial tried {did}; no value moved much beyond its ±. {beyond}"
-    return (
-        f"± with model error: how far a value may be off if seatrial averages over {did}. It is printed if it is more than half larger. "
-        f"{beyond}"
-    )
 
 
 def calibration_lines(calibration: "Calibration") -> list[str]:

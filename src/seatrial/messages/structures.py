@@ -12,8 +12,8 @@ from seatrial.selection.verdict import DECIDED, Evidence, Selection
 
 # Which value of a coefficient to quote, by `Selection.quoted`: the same words on every surface.
 QUOTED = {
-    "chosen": "that of the chosen model, with the ± with model error if that is larger",
-    "averaged": "the average over all models, because the data do not decide between them, with the ± with model error if that is larger",
+    "chosen": "that of the chosen model",
+    "averaged": "the average over all models, because the data do not decide between them",
 }
 # What helps where an evidence is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"

@@ -102,11 +102,10 @@ class StoredAverage:
         unit: SI unit.
         label: in LaTeX.
         mean: of the mixture.
-        sd: likewise, within the structures.
+        sd: likewise.
         lower_95: begin of its shortest 95 % interval.
         upper_95: its end.
-        model_error_sd: standard deviation with model error; None where it is not larger by more than a half.
-        model_error_cause: what makes most of that.
+        cause: what adds most to the standard deviation, if that is not the noise.
         inclusion: probability of the structures that have it.
     """
 
@@ -117,8 +116,7 @@ class StoredAverage:
     sd: float
     lower_95: float
     upper_95: float
-    model_error_sd: float | None
-    model_error_cause: str
+    cause: str
     inclusion: float
 
 

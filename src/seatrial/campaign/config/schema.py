@@ -32,6 +32,7 @@ from seatrial.sampling.names import DEFAULT, SamplerName
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import MAX_STRUCTURES, structure_rules
 
+StatedShare = Annotated[float, Field(gt=0.0, lt=10.0)] | Literal["exact"]
 Joules = Annotated[float, Unit("J", above=0.0, remedy='for example battery = "500 W h"')]
 MIN_KEPT_DRAWS = 20  # Draws that are kept of a chain: its first tenth is compared with its last half
 
@@ -198,6 +199,17 @@ class EstimationTable(Table):
         default="none", description="an unknown steady current along the course: one for all trials, or one for each"
     )
     varying: Several[str] = Field(default=(), description="coefficients that differ from trial to trial")
+    inertia_error: StatedShare = Field(
+        default=0.05,
+        description='standard deviation of each stated inertia, added mass included, as a share; "exact" if it has none',
+    )
+    scale_error: StatedShare = Field(
+        default=0.01, description='the same of the scale of each sensor of a velocity, as a share; or "exact"'
+    )
+    clock_error: StatedShare = Field(
+        default=0.5,
+        description='the same of the time between commands and motion, in intervals of the samples; or "exact"',
+    )
     sampler: SamplerName = Field(
         default=DEFAULT, description="how the posterior is sampled: [the samplers](../explanation/samplers.md)"
     )

@@ -1,7 +1,8 @@
 """What a campaign takes as exact: inertias and known forces, with which the coefficients of their axis scale.
 
 The equation of an axis keeps its solutions if inertia, known forces and all coefficients are multiplied by one number. Data therefore
-tell no coefficient better than the inertia and the forces that are stated, and no ± holds their errors.
+tell no coefficient better than the inertia and the forces that are stated. The ± holds an error of the inertia, unless that is stated to be
+exact, and no error of known forces.
 """
 
 from seatrial.campaign.config.campaign import Campaign
@@ -36,8 +37,9 @@ def taken_as_exact(campaign: Campaign) -> str:
         if RATE_OF[axis] not in model.states or len(own) == is_sought or {*_COUPLED.get(axis, ())} & {*model.states}:
             continue
         body, forces = _body(campaign.hull, axis), _forces(campaign, model, axis)
-        inertia = [body] if body else []
-        if added.text in campaign.hull.fixed:
+        is_exact = campaign.estimation.inertia_error == "exact"
+        inertia = [body] if body and is_exact else []
+        if added.text in campaign.hull.fixed and is_exact:
             inertia.append(f"{added} = {campaign.hull.fixed[added.text]:.4g} {_UNIT[axis]}")
             guesses.append(added.text)
         facts = forces if is_sought and forces else [*inertia, *forces]

@@ -2,14 +2,13 @@
 
 Each row names its unit: that in which the prior of its parameter is written, else SI.
 
-The standard deviation and the 95 % interval of a row hold within its model, those of an average within the models: as if their terms and
-noise were right. `model_error_sd` is the standard deviation that survives an error of the model; it stays empty where it is not larger by
-more than a half.
+The standard deviation and the 95 % interval of a row hold more than the noise; `noise`, `stated`, `runs` and `model` are the shares of its
+variance, and `cause` names what adds most to it if that is not the noise.
 
 Averaging counts a coefficient as zero where a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
 is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999).
-With model error the s_i are those with model error. The 95 % interval is the shortest that holds 95 % of the draws of all structures,
-each structure weighing P_i, and zero weighing as much as the structures without the coefficient.
+The 95 % interval is the shortest that holds 95 % of the draws of all structures, each widened to its s_i and
+weighing P_i, and zero weighing as much as the structures without the coefficient.
 """
 
 import csv
@@ -26,7 +25,6 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
-from seatrial.estimation.diagnostics.error_budget import MIN_SD_RATIO
 from seatrial.selection.verdict import Selection, StoredAverage, averaged
 
 OF_STRUCTURES = (
@@ -39,16 +37,19 @@ OF_STRUCTURES = (
     "lower_95",
     "upper_95",
     "mode",
-    "model_error_sd",
-    "model_error_cause",
+    "noise",
+    "stated",
+    "runs",
+    "model",
+    "cause",
     "r_hat",
     "ess_bulk",
     "ess_tail",
 )
 # Columns of the two tables.
-AVERAGED = ("name", "unit", "mean", "sd", "lower_95", "upper_95", "model_error_sd", "model_error_cause", "inclusion")
+AVERAGED = ("name", "unit", "mean", "sd", "lower_95", "upper_95", "cause", "inclusion")
 COVERED, ROUNDING = 0.95, 1e-12  # Share of the draws that an interval holds, and by how much sums of weights may be off
-QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode", "model_error_sd")  # Those in the unit of the row
+QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode")  # Those in the unit of the row
 
 
 def write_coefficients(
@@ -79,24 +80,17 @@ def write_averaged(folder: Path, rows: Sequence[StoredAverage], shown: Shown) ->
 def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[StoredAverage, ...]:
     """Return each parameter averaged over all structures by their probabilities, SI, and the probability of those that have it.
 
-    The cause of a standard deviation with model error is that of the structure that adds most to it.
+    The cause of a standard deviation is that of the structure that adds most to it.
     """
-    within, wide = [], []
-    for one in estimates:
-        means, sds = ({name: float(one.data[key].sel(parameter=name)) for name in one.names} for key in ("mean", "sd"))
-        within.append({name: (means[name], sds[name]) for name in one.names})
-        wide.append({name: (means[name], one.wider(name) or sds[name]) for name in one.names})
-    with_error = averaged(wide, selection.probability)
+    moments = [
+        {name: (float(one.data["mean"].sel(parameter=name)), one.sd(name)) for name in one.names} for one in estimates
+    ]
     rows = []
-    for name, (mean, sd) in averaged(within, selection.probability).items():
+    for name, (mean, sd) in averaged(moments, selection.probability).items():
         have_it = [(one, p) for one, p in zip(estimates, selection.probability, strict=True) if name in one.names]
         inclusion = min(1.0, sum(float(p) for _, p in have_it))
-        lower, upper = _interval([(one.draws([name])[:, 0], float(p)) for one, p in have_it], 1.0 - inclusion)
-        wider, (most, _) = (
-            with_error[name][1],
-            max(have_it, key=lambda pair: pair[1] * (pair[0].wider(name) or 0.0) ** 2),
-        )
-        is_wider = wider > MIN_SD_RATIO * sd
+        lower, upper = _interval([(one.widened_draws(name), float(p)) for one, p in have_it], 1.0 - inclusion)
+        most, _ = max(have_it, key=lambda pair: pair[1] * pair[0].sd(name) ** 2)
         about = have_it[0][0].data.sel(parameter=name)
         rows.append(
             StoredAverage(
@@ -107,8 +101,7 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
                 sd=sd,
                 lower_95=lower,
                 upper_95=upper,
-                model_error_sd=wider if is_wider else None,
-                model_error_cause=most.wider_cause(name) if is_wider else "",
+                cause=most.causes.get(name, ""),
                 inclusion=inclusion,
             )
         )

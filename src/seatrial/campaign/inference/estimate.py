@@ -1,6 +1,7 @@
 """Estimation of every candidate structure: mode, chains with checkpoints, health in words."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import astuple
 from typing import NamedTuple
 
 import jax
@@ -12,7 +13,7 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out, tried_effects
+from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out, stated_errors, tried_effects
 from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
 from seatrial.campaign.inference.posterior import is_whole, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey
@@ -24,7 +25,8 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.diagnostics.error_budget import ErrorBudget, error_budget
+from seatrial.estimation.diagnostics.error_budget import ORIGINS, ErrorBudget, error_budget
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.diagnostics.prior_checks import prior_findings
 from seatrial.estimation.posterior.mode import Mode
@@ -32,8 +34,8 @@ from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import prior_curve
+from seatrial.messages.effects import contents_text
 from seatrial.messages.identifiability import identifiability_cautions
-from seatrial.messages.predictions import model_error_text
 from seatrial.messages.render import sentences
 from seatrial.sampling.diagnostics import asks_for_more, chain_findings, diagnose
 from seatrial.sampling.run import (
@@ -54,7 +56,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with its error budget, findings about bounds, and the effects tried",
+        "posterior, with all errors in its standard deviations, findings about bounds, and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.estimation, campaign.seed),
     )
@@ -170,7 +172,8 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, budget)
-    return _Ended(_estimate(structure, posterior, mode, budget, missing, draws, campaign.hull.trim, doubts))
+    stated = stated_errors(table)
+    return _Ended(_estimate(structure, posterior, mode, budget, stated, missing, draws, campaign.hull.trim, doubts))
 
 
 def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable) -> Draws | None:
@@ -192,7 +195,12 @@ def _prepare(
     own = mode.only(posterior.places)
     if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, own)
-    return posterior, mode, error_budget(posterior, mode), *uncouple(posterior, mode)
+    return (
+        posterior,
+        mode,
+        error_budget(posterior, mode, stated_errors(campaign.estimation)),
+        *uncouple(posterior, mode),
+    )
 
 
 def _estimate(
@@ -200,6 +208,7 @@ def _estimate(
     posterior: Posterior,
     mode: Mode,
     budget: ErrorBudget,
+    stated: StatedErrors,
     missing: tuple[Finding, ...],
     draws: Draws,
     at: Mapping[str, float],
@@ -209,19 +218,17 @@ def _estimate(
     health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
-    sd = values.std(axis=(0, 1))
+    within = dict(zip(names, map(float, values.std(axis=(0, 1))), strict=True))
     flat = values.reshape(-1, len(names))
     known = identifiability_of_fit(posterior, mode, flat, at)
     cautions = [*doubts, *identifiability_cautions(known), *prior_findings(posterior, mode, flat)]
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
-    wider = {name: budget.wider(name, float(one)) for name, one in zip(names, sd, strict=True)}
-    wide = {name: one for name, one in wider.items() if one is not None}
     per_parameter = {
         "mode": mode.values,
         "laplace_sd": mode.sd,
         "mean": values.mean(axis=(0, 1)),
-        "sd": sd,
-        "model_error_sd": [np.nan if one is None else one for one in wider.values()],
+        "sd": [budget.sd(name, one) for name, one in within.items()],
+        "draws_sd": list(within.values()),
         "prior_mean": [p.prior.mean for p in parameters],
         "prior_sd": prior_sd,
         "prior_lower": [p.prior.bounds[0] for p in parameters],
@@ -237,11 +244,13 @@ def _estimate(
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),
             **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
+            "shares": (("parameter", "origin"), np.array([astuple(budget.shares_of(name)) for name in names])),
             "prior_value": (("parameter", "point"), np.stack(prior_value)),
             "prior_density": (("parameter", "point"), np.stack(prior_density)),
         },
         coords={
             "parameter": list(names),
+            "origin": list(ORIGINS),
             "unit": ("parameter", [p.unit for p in parameters]),
             "label": ("parameter", [p.label for p in parameters]),
             "prior_kind": ("parameter", [type(p.prior).__name__ for p in parameters]),
@@ -255,9 +264,9 @@ def _estimate(
         cautions=tuple(cautions),
         at_bounds=tuple(sentences(mode.at_bounds)),
         left_out=missing,
-        model_error=model_error_text(budget),
-        model_error_causes=causes_of(budget, wide),
-        model_error_findings=tuple(findings_of(posterior, budget, wide)),
+        contains=contents_text(budget, stated),
+        causes=causes_of(budget, within),
+        cause_findings=tuple(findings_of(posterior, budget, stated)),
         tried_effects=tried_effects(budget),
     )
 

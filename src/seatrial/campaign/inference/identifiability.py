@@ -52,11 +52,17 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
         cov = np.atleast_2d(np.cov(estimate.draws().T))
         result = identify(posterior.present_parameters, values, information, cov=cov, at=campaign.hull.trim)
         known = _known(result, information, estimate.structure.label)
-        parameters = tuple(replace(one, model_error_sd=estimate.wider(one.name)) for one in known.parameters)
+        parameters = tuple(_with_all_errors(one, estimate) for one in known.parameters)
         symmetry = symmetry_of(campaign.vehicle, estimate, estimate.prior_curves)
         return replace(known, parameters=parameters, symmetry=symmetry)
 
     return stored_known_after(campaign, estimate).read_or_make(judge)
+
+
+def _with_all_errors(parameter: KnownParameter, estimate: Estimate) -> KnownParameter:
+    """Return a parameter with the ± of the estimate, which holds more than the noise, in place of that of its draws."""
+    wider = estimate.sd(parameter.name) / parameter.sd if parameter.sd else 1.0
+    return replace(parameter, sd=wider * parameter.sd, relative=wider * parameter.relative, left=wider * parameter.left)
 
 
 def symmetry_of(

@@ -1,16 +1,26 @@
-"""Findings about what a fitted structure leaves out: the effect, the coefficient that hides it or is uncertain by it, and how to add it."""
+"""Findings about what makes a coefficient uncertain or wrong beside the noise, and what to do about it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from seatrial.campaign.config.schema import EstimationTable
+from seatrial.core.coefficients import is_coefficient
 from seatrial.core.findings import Finding
-from seatrial.estimation.diagnostics.error_budget import MIN_LOG_ODDS, MIN_SHIFT, ErrorBudget
-from seatrial.estimation.diagnostics.error_sources import Effect
+from seatrial.estimation.diagnostics.error_budget import (
+    MIN_CONTRADICTION,
+    MIN_LOG_ODDS,
+    MIN_SHIFT,
+    MIN_SLOW_RATIO,
+    ErrorBudget,
+)
+from seatrial.estimation.diagnostics.error_sources import Effect, StatedErrors
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.messages.effects import SLOW_RESIDUALS, effect_name, effect_names
 from seatrial.selection.structures import Structure
 
 # What can be done about each kind of effect.
 REMEDIES = {
+    "inertia": ("weigh-vehicle",),
+    "scale": ("calibrate-sensor",),
     "force": ("add-force",),
     "command lag": ("actuator-lag", "delay-of-actuators"),
     "delay": ("delay-of-actuators",),
@@ -55,26 +65,51 @@ def tried_effects(budget: ErrorBudget) -> tuple[str, ...]:
     return tuple(effect_name(one.kind, one.of).rstrip(",") for one in budget.tried)
 
 
-def causes_of(budget: ErrorBudget, wider: Mapping[str, float]) -> dict[str, str]:
-    """Return in words what makes most of the ± with model error of each of these parameters, and whether it is only that of the prior."""
+def causes_of(budget: ErrorBudget, within: Mapping[str, float]) -> dict[str, str]:
+    """Return in words what adds most to each ± that is not mostly noise, or not white noise, and whether it is only that of the prior.
+
+    Args:
+        budget: of the errors.
+        within: standard deviation of each parameter within the model.
+    """
     only = "; as far as its prior reaches: nothing narrows it"
-    causes = {name: effect_names(_plain(budget.cause(name))) or SLOW_RESIDUALS for name in wider}
-    return {name: causes[name] + only * budget.is_prior(name, sd) for name, sd in wider.items()}
+    causes = {name: effect_names(_plain(budget.cause(name))) for name in _uncertain(budget)}
+    return {
+        name: (cause or SLOW_RESIDUALS) + only * budget.is_prior(name, within[name]) for name, cause in causes.items()
+    }
 
 
-def findings_of(posterior: Posterior, budget: ErrorBudget, names: Iterable[str]) -> list[Finding]:
-    """Return each cause of a ± with model error: of which of these parameters, and how to get rid of it."""
+def stated_errors(table: EstimationTable) -> StatedErrors:
+    """Return the standard deviations that a campaign states of what no residual shows."""
+    stated = (table.inertia_error, table.scale_error, table.clock_error)
+    return StatedErrors(*(0.0 if one == "exact" else one for one in stated))
+
+
+def findings_of(posterior: Posterior, budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
+    """Return what adds most to the ± of which parameters and how to reduce it, and which stated inputs the data contradict."""
     groups: dict[tuple, list[str]] = {}
-    for name in names:
+    for name in _uncertain(budget):
         effects = budget.cause(name)
-        remedies = (
-            remedies_of(posterior, effects) if effects else ("better-noise",) if budget.slow else ("compare-blocks",)
-        )
+        remedies = remedies_of(posterior, effects) if effects else ("better-noise",)
         groups.setdefault((_plain(effects), remedies), []).append(name)
-    return [
-        Finding("model-error-wide", "note", tuple(names), {"effects": effects}, remedies)
+    largest = [
+        Finding("main-error", "note", tuple(names), {"effects": effects}, remedies)
         for (effects, remedies), names in groups.items()
     ]
+    contradicted = []
+    for effect, (size, sd) in budget.stated.items():
+        one = float(getattr(stated, effect.kind))
+        if abs(size) > MIN_CONTRADICTION:
+            values = {"effects": _plain([effect]), "size": size * one, "sd": sd * one, "stated": one}
+            contradicted.append(Finding("input-contradicted", "caution", (), values, REMEDIES[effect.kind]))
+    return largest + contradicted
+
+
+def _uncertain(budget: ErrorBudget) -> list[str]:
+    """Return the coefficients whose ± is not mostly noise, or much wider by slow noise."""
+    is_slow = (budget.ratio > MIN_SLOW_RATIO) & bool(budget.slow)
+    chosen = (budget.shares[0] < 0.5) | is_slow
+    return [name for name, is_chosen in zip(budget.names, chosen, strict=True) if is_chosen and is_coefficient(name)]
 
 
 def remedies_of(posterior: Posterior, effects: Sequence[Effect]) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ from seatrial.campaign.inference.judge_predictions import (
     predict_held_back,
     predictions_of,
 )
-from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out
+from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out, stated_errors
 from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
 from seatrial.campaign.inference.posterior import is_whole
 from seatrial.campaign.store.estimates import StoredMode
@@ -37,6 +37,7 @@ from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
 from seatrial.estimation.diagnostics.error_budget import error_budget
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
 from seatrial.estimation.posterior.mode import Mode, draw_about, find_mode
 from seatrial.estimation.posterior.posterior import Posterior, values_of
@@ -53,8 +54,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     noise_name,
 )
-from seatrial.messages.effects import with_model_error
-from seatrial.messages.predictions import model_error_text
+from seatrial.messages.effects import contents_text, shares_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
@@ -62,11 +62,11 @@ from seatrial.vehicles.model import VehicleModel
 WINDOW = 2.0  # Width of the window that smooths speeds where no acceleration is measured and none is given, s
 BRIDGED = 0.25  # Distance from the nearest measured speed, in windows, up to which a smoothed one is used
 DESIGNED_FROM = 800  # Draws about a mode from which the next trial is designed: half choose, half judge the limits
-# Structures of which the standard deviations with model error are told at first sight; of more they would take longer
-# than the modes.
+# Structures, the most probable, whose standard deviations hold more than the noise at first sight; those of more would
+# take longer than the modes.
 MOST_BUDGETS = 8
 MODE = (
-    "first answers: the posterior mode, with standard deviations of a normal approximation, which is not checked; "
+    "first answers: the posterior mode, with ± of a normal approximation, which is not checked; "
     "`seatrial estimate` without --by samples the whole posterior"
 )
 REGRESSION = (
@@ -88,9 +88,9 @@ class FirstAnswer:
         cautions: what is wrong with it.
         held_back: how it predicts what was not fitted; None where nothing is predicted.
         log_evidence: of the structure, by Laplace; None where there is none.
-        wider: standard deviations that survive an error of the model, where they are larger by more than a half.
-        wider_causes: what makes most of each.
-        wider_words: what these are made of, and how to get rid of it; empty where nobody asked.
+        shares: what each standard deviation is made of, by name; none where it is the noise alone.
+        causes: what adds most to those that are not mostly noise, in words.
+        contains: what the standard deviations contain, and how to reduce what adds most.
         drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
         symmetry: sentences on which sides of the vehicle the data find alike.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
@@ -104,9 +104,9 @@ class FirstAnswer:
     cautions: tuple[Message, ...] = ()
     held_back: HeldBack | None = None
     log_evidence: float | None = None
-    wider: Mapping[str, float] = field(default_factory=dict)
-    wider_causes: Mapping[str, str] = field(default_factory=dict)
-    wider_words: tuple[str, ...] = ()
+    shares: Mapping[str, ErrorShares] = field(default_factory=dict)
+    causes: Mapping[str, str] = field(default_factory=dict)
+    contains: tuple[str, ...] = ()
     drawn: "NormalPosterior | None" = None
     symmetry: tuple[str, ...] = ()
     shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
@@ -120,9 +120,9 @@ class FirstAnswer:
         for name, unit, pairs in self.rows:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
-            more = with_model_error(self.wider.get(name), self.wider_causes.get(name, ""), factor)
-            messages.append(f"  {name:<16} {numbers} {shown}{more}".rstrip())
-        messages += [f"  {text}" for text in self.wider_words]
+            made_of = shares_text(self.shares[name], self.causes.get(name, "")) if name in self.shares else ""
+            messages.append(f"  {name:<16} {numbers} {shown:<9} {made_of}".rstrip())
+        messages += [f"  {text}" for text in self.contains]
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
@@ -158,7 +158,11 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     largest = search(begin)
     result = run_side_by_side([partial(search, structure, largest) for structure in others])
     modes = exchange_modes(study, {begin: largest, **dict(zip(others, result, strict=True))})
-    return run_side_by_side([partial(_answer, study, one, trials, modes[one]) for one in campaign.structures])
+    there = {one: mode.log_evidence for one, mode in modes.items() if isinstance(mode, Mode)}
+    probable = sorted(there, key=lambda one: -there[one])[:MOST_BUDGETS]
+    return run_side_by_side(
+        [partial(_answer, study, one, trials, modes[one], one in probable) for one in campaign.structures]
+    )
 
 
 def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
@@ -179,11 +183,10 @@ def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
     by_name = {name: pair for name, _, (pair,) in best.rows}
     matrix = np.corrcoef(best.drawn.draws(tuple(by_name)).T)
     pairs = [(a, b, float(matrix[i, j])) for (i, a), (j, b) in combinations(enumerate(by_name), 2)]
-    wider = {name: (sd, best.wider_causes.get(name, "")) for name, sd in best.wider.items()}
     units = {name: unit for name, unit, _ in best.rows}
     key = key_of("mode", estimate_key(campaign, best.structure, trials))
     kept = StoredResult(Store(campaign.folder).mode, key, StoredMode)
-    kept.write(StoredMode(best.structure.terms, by_name, tuple(pairs), units, wider))
+    kept.write(StoredMode(best.structure.terms, by_name, tuple(pairs), units, dict(best.causes)))
     if best.held_back is not None and trials.predict:
         held_back, channels, records = best.held_back, campaign.channels, trials.predict
         predictions = StoredResult(Store(campaign.folder).mode_predictions, key_of("held back", key), Predictions)
@@ -223,19 +226,24 @@ def _search(
         progress(1, 1)
 
 
-def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | NumericalError) -> FirstAnswer:
-    """Return the answer of one structure, of its mode with what is absent."""
+def _answer(
+    study: Study, structure: Structure, trials: Trials, whole: Mode | NumericalError, is_probable: bool
+) -> FirstAnswer:
+    """Return the answer of one structure, of its mode with what is absent; all errors are weighed if it is probable."""
     campaign, posterior = study.campaign, study.posterior(structure)
     if isinstance(whole, NumericalError):
         return FirstAnswer(structure, alarm=f"{structure.label}: {whole}")
-    budget = error_budget(posterior, whole) if len(campaign.structures) <= MOST_BUDGETS else None
+    stated = stated_errors(campaign.estimation)
+    budget = error_budget(posterior, whole, stated) if is_probable else None
     drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
     mode = whole.only(posterior.places)
     if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, mode)
+    within = dict(zip(mode.names, map(float, mode.sd), strict=True))
+    sds = {name: budget.sd(name, sd) for name, sd in within.items()} if budget else within
     rows = tuple(
-        (parameter.name, parameter.unit, ((float(value), float(sd)),))
-        for parameter, value, sd in zip(posterior.present_parameters, mode.values, mode.sd, strict=True)
+        (parameter.name, parameter.unit, ((float(value), sds[parameter.name]),))
+        for parameter, value in zip(posterior.present_parameters, mode.values, strict=True)
     )
     flat = "in one direction the posterior is flat, and its standard deviations are those of the prior there"
     missing = left_out(posterior, structure, budget) if budget else ()
@@ -248,8 +256,7 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    wider_sds = {name: budget.wider(name, sd) for name, _, ((_, sd),) in rows} if budget else {}
-    wider = {name: sd for name, sd in wider_sds.items() if sd is not None}
+    only_noise = "± contains the noise alone, as other structures are more probable"
     return FirstAnswer(
         structure,
         rows,
@@ -258,9 +265,11 @@ def _answer(study: Study, structure: Structure, trials: Trials, whole: Mode | Nu
         cautions=_of_structure(structure, cautions),
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
-        wider=wider,
-        wider_causes=causes_of(budget, wider) if budget else {},
-        wider_words=(model_error_text(budget), *map(sentence, findings_of(posterior, budget, wider))) if budget else (),
+        shares={name: budget.shares_of(name) for name in mode.names} if budget else {},
+        causes=causes_of(budget, within) if budget else {},
+        contains=(contents_text(budget, stated), *map(sentence, findings_of(posterior, budget, stated)))
+        if budget
+        else (only_noise,),
         drawn=more,
         symmetry=symmetry_of(campaign.vehicle, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},

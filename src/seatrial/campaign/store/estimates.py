@@ -1,7 +1,7 @@
 """Stored results about parameters: posteriors, what is known of each parameter, what a model lacks, profiles."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
@@ -10,11 +10,15 @@ from pydantic import Field, computed_field
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding, Message
 from seatrial.core.result_table import table_html, table_text
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+TINY = float(np.finfo(float).tiny)
 
 
 class HasKey(Protocol):
@@ -55,7 +59,10 @@ class Drawn(Protocol):
 
 @dataclass(frozen=True)
 class StoredCoefficient:
-    """One parameter of the chosen structure, SI: its posterior, its prior, and the health of its draws."""
+    """One parameter of the chosen structure, SI: its value with its ±, its prior, and the health of its draws.
+
+    `sd` and the interval hold more than the noise: `shares` says of what the variance is made, and `cause` names what adds most to it.
+    """
 
     name: str
     unit: str
@@ -72,22 +79,16 @@ class StoredCoefficient:
     geweke: float
     lower_95: float
     upper_95: float
-    model_error_sd: float | None = None
-    model_error_cause: str = ""
-
-    @property
-    def judged_sd(self) -> float:
-        """Standard deviation by which values of different fits are compared: with model error if that is larger."""
-        return self.sd if self.model_error_sd is None else self.model_error_sd
+    shares: ErrorShares = ErrorShares()
+    cause: str = ""
 
     def in_unit(self, factor: float, unit: str) -> "StoredCoefficient":
         """Return it in another unit, of which there are `factor` in an SI unit."""
-        wider = None if self.model_error_sd is None else factor * self.model_error_sd
         scaled = {
             name: factor * getattr(self, name) for name in ("mean", "sd", "mcse", "mode", "prior_mean", "prior_sd")
         }
         ends = {name: factor * getattr(self, name) for name in ("lower_95", "upper_95")}
-        return replace(self, **scaled, **ends, model_error_sd=wider, unit=unit)
+        return replace(self, **scaled, **ends, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +102,9 @@ class Estimate:
         cautions: what a reader must know.
         at_bounds: which parameters have their mode at a bound of their prior.
         left_out: effects that the structure lacks and its coefficients hide, the most harmful first.
-        model_error: what the standard deviations with model error are made of, or why there are none.
-        model_error_causes: what makes most of each of them, in words, by parameter.
-        model_error_findings: which of them have which cause, and how to get rid of it.
+        contains: what the standard deviations contain, in words.
+        causes: what adds most to each of those that are not mostly noise, in words, by parameter.
+        cause_findings: which of them have which cause, and how to reduce it.
         tried_effects: effects that the structure may lack and that were looked for, in words.
     """
 
@@ -113,9 +114,9 @@ class Estimate:
     cautions: tuple[Message, ...] = ()
     at_bounds: tuple[str, ...] = ()
     left_out: tuple[Finding, ...] = ()
-    model_error: str = ""
-    model_error_causes: Mapping[str, str] = field(default_factory=dict)
-    model_error_findings: tuple[Finding, ...] = ()
+    contains: str = ""
+    causes: Mapping[str, str] = field(default_factory=dict)
+    cause_findings: tuple[Finding, ...] = ()
     tried_effects: tuple[str, ...] = ()
 
     @property
@@ -134,11 +135,26 @@ class Estimate:
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Shortest interval that holds 95 % of the draws of a parameter, SI."""
+        """Shortest interval that holds 95 % of the draws of a parameter, its ends as much farther from the mean as its ± is wider, SI."""
         from arviz_stats.base.array import array_stats
 
-        lower, upper = array_stats.hdi(np.sort(self.draws([name])[:, 0]), prob=0.95)
+        draws = np.sort(self.widened_draws(name))
+        lower, upper = array_stats.hdi(draws, prob=0.95)
         return float(lower), float(upper)
+
+    def widened_draws(self, name: str) -> np.ndarray:
+        """Return draws of a parameter whose standard deviation is its ±, no farther than its prior reaches, SI, shape (n,)."""
+        row, draws = self.data.sel(parameter=name), self.draws([name])[:, 0]
+        mean, wider = float(row["mean"]), float(row["sd"]) / max(float(row["draws_sd"]), TINY)
+        return np.clip(mean + wider * (draws - mean), float(row["prior_lower"]), float(row["prior_upper"]))
+
+    def sd(self, name: str) -> float:
+        """Standard deviation of a parameter with all errors, SI."""
+        return float(self.data["sd"].sel(parameter=name))
+
+    def shares(self, name: str) -> ErrorShares:
+        """Return what the variance of a parameter is made of."""
+        return ErrorShares(*map(float, self.data["shares"].sel(parameter=name).values))
 
     @computed_field
     @property
@@ -163,8 +179,8 @@ class Estimate:
             **numbers,
             lower_95=lower,
             upper_95=upper,
-            model_error_sd=self.wider(name),
-            model_error_cause=self.wider_cause(name),
+            shares=self.shares(name),
+            cause=self.causes.get(name, ""),
         )
 
     def prior_curves(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -173,15 +189,17 @@ class Estimate:
         return dict(zip(self.names, zip(*curves, strict=True), strict=True))
 
     def summary(self) -> "DataFrame":
-        """Return a table with a row for each parameter, SI: mean, sd and 95 % interval within the model, mode, standard deviation with
-        model error and what makes most of it, and the health of its draws."""
+        """Return a table with a row for each parameter, SI: mean, sd and 95 % interval, what share of the variance is from what and what
+        adds most to it, mode, and the health of its draws."""
         from pandas import DataFrame
 
         lower, upper = np.transpose([self.interval(name) for name in self.names])
-        stored = ("mode", "model_error_sd", "mcse", "r_hat", "ess_bulk", "ess_tail")
+        stored = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
         columns = {name: self.data[name].values for name in ("unit", "mean", "sd")}
-        columns |= {"lower_95": lower, "upper_95": upper} | {name: self.data[name].values for name in stored}
-        columns |= {"model_error_cause": [self.wider_cause(name) for name in self.names]}
+        columns |= {"lower_95": lower, "upper_95": upper}
+        columns |= {name.name: self.data["shares"].values[:, at] for at, name in enumerate(fields(ErrorShares))}
+        columns |= {"cause": [self.causes.get(name, "") for name in self.names]}
+        columns |= {name: self.data[name].values for name in stored}
         return DataFrame(columns, index=list(self.names))
 
     @property
@@ -194,15 +212,6 @@ class Estimate:
 
     __repr__ = table_text
     _repr_html_ = table_html
-
-    def wider(self, name: str) -> float | None:
-        """Standard deviation of a parameter that survives an error of the model, SI; None where it is not larger by more than a half."""
-        value = float(self.data["model_error_sd"].sel(parameter=name))
-        return value if np.isfinite(value) else None
-
-    def wider_cause(self, name: str) -> str:
-        """What makes most of it, in words; empty where there is none."""
-        return self.model_error_causes.get(name, "")
 
     def own_values(self) -> list[tuple[str, str, float, float, str]]:
         """Of each value that varies between trials: its name, the trial, its mean, standard deviation and SI unit."""
@@ -222,14 +231,14 @@ class StoredMode:
 
     Attributes:
         terms: its coefficients.
-        found: value and standard deviation of each parameter, those of a normal approximation.
+        found: value and standard deviation of each parameter.
         correlations: each pair of parameters with its correlation.
         units: SI unit of each parameter; none where an older version stored the mode.
-        wider: standard deviation that survives an error of the model, and what makes most of it, of those where it is much larger.
+        causes: what adds most to the standard deviations that are not mostly noise, in words.
     """
 
     terms: tuple[str, ...]
     found: dict[str, tuple[float, float]]
     correlations: tuple[tuple[str, str, float], ...]
     units: dict[str, str]
-    wider: dict[str, tuple[float, str]]
+    causes: dict[str, str]

@@ -4,7 +4,7 @@ Of two structures with expected log Bayes factor m after the trial, the log odds
 with log odds l now is true; they are settled beyond 19 to 1. It holds where a trial is linear in what the structures differ by.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from seatrial.campaign.inference.quick_estimates import FirstAnswer
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed, percent
 from seatrial.design.trial_design import TrialDesign
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
 from seatrial.messages.structures import BETTER_EVIDENCE, condition_of
@@ -28,11 +29,33 @@ from seatrial.selection.verdict import DECIDED
 
 EXAMPLE_GOAL = Goal({"X_uabsu": 0.03}, trials=4)  # That of the template `design`
 
-Known = dict[str, tuple[float, float]]  # Mean and standard deviation of each coefficient, SI
-# What is said of expected standard deviations where wider ones with model error are known
-WITHIN_MODEL = " within the model; model error stays until its cause is corrected"
 POINTER = "see the caution about it"  # What stands for a caution that is told on the same page
 MIN_GAIN = 0.2  # Entropy reduction, nats, below which another trial of the family is not worth running
+
+
+@dataclass(frozen=True)
+class KnownCoefficient:
+    """What is known of one coefficient, SI.
+
+    Attributes:
+        mean: its value.
+        sd: its standard deviation.
+        shares: what that is made of.
+        cause: what adds most to it if that is not the noise, in words.
+    """
+
+    mean: float
+    sd: float
+    shares: ErrorShares = ErrorShares()
+    cause: str = ""
+
+    @property
+    def rest(self) -> float:
+        """The part of the standard deviation that further trials of the same kind do not narrow: all but the noise."""
+        return self.sd * float(np.sqrt(max(0.0, 1.0 - self.shares.noise)))
+
+
+Known = Mapping[str, KnownCoefficient]
 
 
 @dataclass(frozen=True)
@@ -101,7 +124,8 @@ def _failed(outcome: Outcome) -> str:
 
 
 def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
-    goal, unmet, doubt = outcome.campaign.goal, _unmet(outcome), _in_doubt(outcome)
+    goal, doubt = outcome.campaign.goal, _in_doubt(outcome)
+    unmet = _unmet(goal, _known(outcome))
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting and outcome.disowned:
@@ -122,10 +146,10 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     if doubt and contenders is not None and (odds := settling(contenders, outcome.selection.probability)) > 1 - DECIDED:
         promise = f"it settles {' against '.join(contenders.labels)} with probability {odds:.2f} ({contenders.nats:.2g} nat expected)"
         if not unmet or odds > 0.5:
-            return _run(
-                outcome.next, contenders.decisive, _known(outcome), _noise(outcome), standing, promise, _within(outcome)
-            )
-    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting, _within(outcome))
+            return _run(outcome.next, contenders.decisive, _known(outcome), _noise(outcome), standing, promise)
+    if not doubt and (stop := _beyond_trials(goal, _known(outcome))):
+        return Proposal(None, standing, (stop,))
+    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting)
 
 
 def before_stop(imports: ImportTable | None, goal: Goal | None, is_tested: bool) -> list[str]:
@@ -153,13 +177,14 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: TrialDesign
         designs: swept from draws about it.
         trials: that were fitted.
     """
-    known = {name: (value, sd) for name, _, ((value, sd),) in first.rows}
+    known = {
+        name: KnownCoefficient(value, sd, first.shares.get(name, ErrorShares()), first.causes.get(name, ""))
+        for name, _, ((value, sd),) in first.rows
+    }
     goal = campaign.goal
-    standing = [f"after {trials} trial{'s' * (trials != 1)}, by the posterior mode of {first.structure.label}:"]
-    unmet = {} if goal is None else goal.unmet(known)
-    for name, ratio in unmet.items():
-        mean, sd = known[name]
-        standing.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
+    unmet = _unmet(goal, known)
+    head = f"after {trials} trial{'s' * (trials != 1)}, by the posterior mode of {first.structure.label}:"
+    standing = [head, *_unmet_lines(unmet, known)]
     counting = goal is not None and goal.only_trials
     if goal is not None and not (unmet or goal.decided or counting):
         confirm = "confirm it by `seatrial next` without --by"
@@ -170,23 +195,28 @@ def propose_by_mode(campaign: Campaign, first: FirstAnswer, designs: TrialDesign
         stop = "" if missing else "stop: "
         return Proposal(None, tuple(standing), (f"{stop}the posterior mode meets the goal; {advice}",))
     assert first.drawn is not None
+    if stop := _beyond_trials(goal, known):
+        return Proposal(None, tuple(standing), (stop,))
     return _most_informative(designs, known, noise_words(campaign, first.drawn), tuple(standing), counting)
 
 
-def _within(outcome: Outcome) -> str:
-    """What the expected standard deviations do not contain; empty where nothing is known of that."""
-    is_wider = any(row.model_error_sd for row in outcome.summary.coefficients)
-    return WITHIN_MODEL if is_wider else ""
+def _beyond_trials(goal: Goal | None, known: Known) -> str:
+    """Return why no trial is proposed if none can meet what is left of the goal: empty if one may."""
+    unmet = _unmet(goal, known)
+    if not unmet or any(known[name].rest <= known[name].sd / ratio for name, ratio in unmet.items()):
+        return ""
+    causes = listed(list(dict.fromkeys(known[name].cause or "errors other than noise" for name in unmet)))
+    return f"stop: no trial of this kind meets the goal for {listed(list(unmet))}: correct {causes} first"
 
 
 def _most_informative(
-    designs: TrialDesign, known: Known, noise: str, standing: tuple[str, ...], counting: bool, within: str = ""
+    designs: TrialDesign, known: Known, noise: str, standing: tuple[str, ...], counting: bool
 ) -> Proposal:
     gain = float(designs.best.gain[designs.best.best])
     if gain < MIN_GAIN and not counting:
         why = f"stop: another trial of this kind would give little information ({gain:.2f} nat): change sensors, limits or manoeuvres"
         return Proposal(None, standing, (why,))
-    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain, len(designs.names)), within)
+    return _run(designs, designs.best.best, known, noise, standing, _gain_words(gain, len(designs.names)))
 
 
 def settling(contenders: Contenders, probability: Sequence[float]) -> float:
@@ -220,17 +250,21 @@ def _noise(outcome: Outcome) -> str:
 
 
 def _known(outcome: Outcome) -> Known:
-    return {row.name: (row.mean, row.sd) for row in outcome.summary.coefficients}
+    return {row.name: KnownCoefficient(row.mean, row.sd, row.shares, row.cause) for row in outcome.summary.coefficients}
 
 
-def _unmet(outcome: Outcome) -> dict[str, float]:
-    goal = outcome.campaign.goal
-    return {} if goal is None else goal.unmet(_for_goal(outcome))
+def _unmet(goal: Goal | None, known: Known) -> dict[str, float]:
+    return {} if goal is None else goal.unmet({name: (one.mean, one.sd) for name, one in known.items()})
 
 
-def _for_goal(outcome: Outcome) -> Known:
-    """Mean and standard deviation of each coefficient, with model error where that makes it wider."""
-    return {row.name: (row.mean, row.judged_sd) for row in outcome.summary.coefficients}
+def _unmet_lines(unmet: Mapping[str, float], known: Known) -> list[str]:
+    """Return how well each coefficient is known whose goal is not met, and how much of that no trial narrows."""
+    lines = []
+    for name, ratio in unmet.items():
+        one, size = known[name], abs(known[name].mean)
+        stays = f"; without noise it would be {percent(one.rest / size)}: {one.cause}" if one.cause else ""
+        lines.append(f"{name} is known to {_beside_wanted(one.sd / size, one.sd / ratio / size)} wanted{stays}")
+    return lines
 
 
 def _in_doubt(outcome: Outcome) -> bool:
@@ -243,18 +277,15 @@ def _standing(outcome: Outcome) -> tuple[str, ...]:
     unless = "" if outcome.selection.is_settled else condition_of(outcome.selection)
     probability = f"{float(max(outcome.selection.probability)):.2f}{unless}"
     lines = [f"after {trials} trial{'s' * (trials != 1)}: {chosen} with probability {probability}"]
-    known = _for_goal(outcome)
-    for name, ratio in _unmet(outcome).items():
-        mean, sd = known[name]
-        lines.append(f"{name} is known to {_beside_wanted(sd / abs(mean), sd / ratio / abs(mean))} wanted")
-    return tuple(lines)
+    known = _known(outcome)
+    return (*lines, *_unmet_lines(_unmet(outcome.campaign.goal, known), known))
 
 
 def _goal_words(outcome: Outcome) -> str:
     """Name what was wanted: each standard deviation as a share of the value, and whether one model was to hold the probability."""
-    goal, known = outcome.campaign.goal, _for_goal(outcome)
+    goal, known = outcome.campaign.goal, _known(outcome)
     assert goal is not None
-    shares = {**goal.shares, **{name: sd / abs(known[name][0]) for name, sd in goal.sds.items() if name in known}}
+    shares = {**goal.shares, **{name: sd / abs(known[name].mean) for name, sd in goal.sds.items() if name in known}}
     wanted = [
         f"{name} to {percent(shares[name])}" if name in known else f"no {name} in the model"
         for name in (*goal.shares, *goal.sds)
@@ -293,16 +324,15 @@ def _run(
     noise: str,
     standing: tuple[str, ...],
     promise: str,
-    within: str = "",
 ) -> Proposal:
     sweep = designs.best
     chosen = chosen_of(sweep, at)
     words = design_words(sweep.family, chosen.amplitude, chosen.period)
     after = dict(zip(designs.names, sweep.final_sd[at], strict=True))
     shrink = ", ".join(
-        f"{name} from {percent(known[name][1] / abs(known[name][0]))} to {percent(float(sd) / abs(known[name][0]))}"
+        f"{name} from {percent(one.sd / abs(one.mean))} to {percent(float(np.hypot(sd, one.rest)) / abs(one.mean))}"
         for name, sd in after.items()
-        if name in known
+        if (one := known.get(name)) is not None
     )
-    expected = (f"expected: {shrink}{within}", *((noise,) if noise else ()))
+    expected = (f"expected: {shrink}", *((noise,) if noise else ()))
     return Proposal(chosen, standing, (f"run a {words}", promise), expected)

@@ -108,10 +108,9 @@ class Outcome:
         return disowned(self.fits)
 
     @property
-    def wider_findings(self) -> list[Finding]:
-        """What makes most of the ± with model error, but for the noise where a caution asks for another model of it already."""
-        found = self.chosen.model_error_findings
-        return [one for one in found if not (one.remedies == ("better-noise",) and self.disowned)]
+    def cause_findings(self) -> list[Finding]:
+        """What adds most to the ±, but for the noise where a caution asks for another model of it already."""
+        return [one for one in self.chosen.cause_findings if not (one.remedies == ("better-noise",) and self.disowned)]
 
     @property
     def other_alarms(self) -> list[str]:

@@ -185,7 +185,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
     from seatrial.campaign.workflow.steps import Workflow
-    from seatrial.messages.effects import with_model_error
+    from seatrial.messages.effects import shares_text
     from seatrial.messages.known import known_lines
     from seatrial.messages.render import sentence
 
@@ -198,11 +198,9 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         for name in item.names:
             row = item.data.sel(parameter=name)
             factor, unit = campaign.shown(name, str(row["unit"].values))
-            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit}"
-            answer.say(
-                f"  {name:<16} {numbers}{with_model_error(item.wider(name), item.model_error_causes.get(name, ''), factor)}"
-            )
-        words = [item.model_error, *map(sentence, item.model_error_findings)]
+            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit:<9}"
+            answer.say(f"  {name:<16} {numbers} {shares_text(item.shares(name), item.causes.get(name, ''))}".rstrip())
+        words = [item.contains, *map(sentence, item.cause_findings)]
         answer.say("\n".join(f"  {line}" for line in words))
         for name, label, mean, sd, si in item.own_values():
             factor, unit = campaign.shown(name, si)
@@ -213,7 +211,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         known = known_after(flow.get("candidates"), item, trials)
         answer.say("\n".join(known_lines(known, campaign.shown)))
         verdicts += known.verdict
-        structures.append({"estimate": item, "model_error": words, "known": known, "held_back": held_back[-1].fits})
+        structures.append({"estimate": item, "contains": words, "known": known, "held_back": held_back[-1].fits})
     exact = taken_as_exact(campaign)
     if exact:
         answer.say(exact)
@@ -286,8 +284,8 @@ def _first_answer(one: Any) -> dict[str, Any]:
             "by": way,
             "value": value,
             "sd": sd,
-            "model_error_sd": one.wider.get(name),
-            "model_error_cause": one.wider_causes.get(name, ""),
+            "shares": one.shares.get(name),
+            "cause": one.causes.get(name, ""),
         }
         for name, unit, pairs in one.rows
         for way, (value, sd) in zip(one.heads or ("mode",), pairs, strict=False)
@@ -296,7 +294,7 @@ def _first_answer(one: Any) -> dict[str, Any]:
         "label": one.structure.label,
         "terms": one.structure.terms,
         "values": values,
-        "model_error": one.wider_words,
+        "contains": one.contains,
         "log_evidence_laplace": one.log_evidence,
         "held_back": () if one.held_back is None else one.held_back.fits,
         "symmetry": one.symmetry,

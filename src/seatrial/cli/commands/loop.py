@@ -171,7 +171,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.baselines import comparison_lines
     from seatrial.campaign.inference.coefficient_csv import write_averaged, write_coefficients
     from seatrial.campaign.inference.judge_predictions import fit_complaints
-    from seatrial.messages.effects import with_model_error
+    from seatrial.messages.effects import shares_text
     from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
     from seatrial.messages.structures import QUOTED
@@ -181,16 +181,15 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     shown = outcome.campaign.shown
     for row in summary.coefficients:
         factor, unit = shown(row.name, row.unit)
-        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit}"
-        more = with_model_error(row.model_error_sd, row.model_error_cause, factor)
-        answer.say(f"  {row.name:<16} {numbers}{more}")
+        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit:<9}"
+        answer.say(f"  {row.name:<16} {numbers} {shares_text(row.shares, row.cause)}".rstrip())
+    answer.say(f"  {outcome.chosen.contains}")
     if not outcome.own_alarms:
         answer.say(f"  to quote: {QUOTED[summary.quoted]}")
         for row in summary.averaged if summary.quoted == "averaged" else ():
             factor, unit = shown(row.name, row.unit)
-            sd = row.model_error_sd or row.sd
-            answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * sd:<10.3g} {unit}")
-    for finding in outcome.wider_findings:
+            answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit}")
+    for finding in outcome.cause_findings:
         answer.say(f"  {sentence(finding)}")
     for fit in outcome.fits:
         use = "held-back run" if fit.held_back else "run"

@@ -1,6 +1,6 @@
 """Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2).
 
-Each sd is the one with model error if that is larger: two models that are wrong do not contradict each other within their errors.
+Each sd holds what the models may lack: two models that are wrong do not contradict each other within their errors.
 """
 
 from dataclasses import replace
@@ -36,7 +36,6 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section(
         "Two campaigns side by side",
         "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water; "
-        "each ± is with model error if that is larger. "
         "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
     ):
         if not Store(folder).summary.is_file():
@@ -96,7 +95,7 @@ def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Marku
     for name in dict.fromkeys([*tables[0], *tables[1]]):
         pair = [one.get(name) for one in tables]
         known = [one for one in pair if one is not None]
-        cells = ["not in its model" if one is None else with_sd(one.mean, one.judged_sd) for one in pair]
+        cells = ["not in its model" if one is None else with_sd(one.mean, one.sd) for one in pair]
         unit = Markup(", ").join(map(unit_html, dict.fromkeys(one.unit for one in known)))
         named = label_html(known[0].label) + Markup(" <small>{}</small>").format(name)
         judged = [_judged(joint_difference(*pair))] * is_coefficient(name)
@@ -137,5 +136,5 @@ def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -
     """
     if a is None or b is None or a.unit != b.unit:
         return None
-    joint = hypot(a.judged_sd, b.judged_sd)
+    joint = hypot(a.sd, b.sd)
     return (a.mean - b.mean) / joint if joint > 0 else None

@@ -23,7 +23,7 @@ from seatrial.dashboard.result_charts import fit_charts
 from seatrial.dashboard.view_models import EstimatedStructure
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.report.labels import label_html, sentence_html
-from seatrial.report.numbers import short, unit_html, with_sd
+from seatrial.report.numbers import unit_html, with_sd
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -119,16 +119,16 @@ def estimated_html(structures: Sequence[EstimatedStructure], shown: Shown) -> Ma
         "Do not use these numbers yet", [f"{one.label}: {text}" for one in structures for text in one.alarms]
     )
     for one in structures:
-        is_wider, rows, labels = any(row[5] is not None for row in one.rows), [], {}
-        for name, label, si, mean, sd, wider, cause in one.rows:
+        rows, labels = [], {}
+        for name, label, si, mean, sd, cause in one.rows:
             factor, unit = shown(name, si)
             labels |= {name: label} if label else {}
-            more = "" if wider is None else Markup("± {} <small>{}</small>").format(short(factor * wider), cause)
             named = label_html(label) + Markup(" <small>{}</small>").format(name)
-            rows.append([named, with_sd(factor * mean, factor * sd), *[more] * is_wider, unit_html(unit)])
-        head = ["parameter", "mean ± sd, within the model", *["with model error"] * is_wider, "unit"]
+            value = Markup("{} <small>{}</small>").format(with_sd(factor * mean, factor * sd), cause)
+            rows.append([named, value, unit_html(unit)])
+        head = ["parameter", "mean ± sd", "unit"]
         html += table(head, rows, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
-        html += _findings("Where the model error comes from", one.remarks, labels)
+        html += _findings("What adds most to the ±", one.remarks, labels)
     return html
 
 
@@ -142,7 +142,7 @@ def of_mode(mode: StoredMode) -> EstimatedStructure:
     rows = []
     for name, moments in mode.found.items():
         label = CoefficientName.parse(name).label if name in mode.terms else ""
-        rows.append((name, label, mode.units.get(name, ""), *moments, *mode.wider.get(name, (None, ""))))
+        rows.append((name, label, mode.units.get(name, ""), *moments, mode.causes.get(name, "")))
     return EstimatedStructure("the most probable structure", mode.terms, tuple(rows))
 
 

@@ -42,6 +42,7 @@ from seatrial.estimation.diagnostics.error_sources import (
     lay_out,
     linearise,
 )
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
@@ -75,7 +76,8 @@ BAND, BISECTIONS = 0.95, 50
 # Shift of a coefficient, in standard deviations, and log odds from which a missing effect is reported: 20 to 1, strong
 # evidence (Kass and Raftery, Journal of the American Statistical Association 90, 1995).
 MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
-MIN_SD_RATIO = 1.5  # Ratio of the two standard deviations from which both are shown
+MIN_SLOW_RATIO = 1.5  # Ratio of a standard deviation to that of white noise from which slow noise is named as its cause
+MIN_CONTRADICTION = 2.5  # Distance of a stated input from its value by the data, in stated standard deviations
 MIN_ALIKE_SHARE = 0.05  # Probability of an effect in place of the one that is found, from which it is named beside it
 MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5  # Sources named as a cause at most, and their share of what the first of them adds
 TINY = float(np.finfo(float).tiny)
@@ -130,24 +132,26 @@ class ErrorBudget:
     slow: tuple[str, ...]
     farthest: Float[np.ndarray, " k"]
 
-    def wider(self, name: str, within: float) -> float | None:
+    def sd(self, name: str, within: float) -> float:
         """Return the standard deviation of a parameter with all errors, at most that of its prior about the value.
 
         Args:
-            name: of the parameter.
+            name: of the parameter; of one that a run has of its own it is `within`.
             within: its standard deviation within the model.
-
-        Returns:
-            None where it is less than half as large again, or a run has the parameter of its own.
         """
-        if name not in self.names or self.ratio[at := self.names.index(name)] <= MIN_SD_RATIO:
-            return None
-        stated = min(within * float(self.ratio[at]), float(self.farthest[at]))
-        return stated if stated > MIN_SD_RATIO * within else None
+        if name not in self.names:
+            return within
+        at = self.names.index(name)
+        return max(within, min(within * float(self.ratio[at]), float(self.farthest[at])))
 
-    def is_prior(self, name: str, wider: float) -> bool:
-        """Whether a standard deviation of `wider` is that of the prior about the value, which is to say that nothing narrows it."""
-        return wider >= 0.999 * float(self.farthest[self.names.index(name)])
+    def shares_of(self, name: str) -> ErrorShares:
+        """Return what the variance of a parameter is made of; of one that a run has of its own, noise."""
+        return ErrorShares(*map(float, self.shares[:, self.names.index(name)])) if name in self.names else ErrorShares()
+
+    def is_prior(self, name: str, within: float) -> bool:
+        """Whether that standard deviation is the one of the prior about the value: nothing narrows it."""
+        at = self.names.index(name)
+        return within < 0.999 * float(self.farthest[at]) <= 0.999 * within * float(self.ratio[at])
 
     def cause(self, name: str) -> tuple[Effect, ...]:
         """Return the sources that make most of the mean square error of a parameter; none where slow residuals do."""

@@ -4,9 +4,19 @@ from dataclasses import dataclass
 
 from seatrial.core.coefficients import is_coefficient
 
-# Share of a coefficient that its ± with model error may be for it to be called known: `VAGUE` of
-# `messages/identifiability.py`.
-UNSURE = 0.5
+UNSURE = (
+    0.5  # Share of a coefficient that its ± may be for it to be called known: `VAGUE` of `messages/identifiability.py`
+)
+
+
+@dataclass(frozen=True)
+class ErrorShares:
+    """Shares of the variance of a value: of noise, stated inputs, differences between runs, and effects that the model may lack."""
+
+    noise: float = 1.0
+    stated: float = 0.0
+    runs: float = 0.0
+    model: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -22,7 +32,6 @@ class KnownParameter:
         left: `sd` over the prior's.
         partner: the parameter it is most strongly correlated with; empty if it is the only one.
         correlation: with that one.
-        model_error_sd: standard deviation that survives an error of the model; None where it is not larger by more than a half.
     """
 
     name: str
@@ -33,12 +42,11 @@ class KnownParameter:
     left: float
     partner: str
     correlation: float
-    model_error_sd: float | None = None
 
     @property
     def is_unsure(self) -> bool:
-        """Whether an error of the model leaves little more than the sign of a coefficient."""
-        return is_coefficient(self.name) and (self.model_error_sd or 0.0) > UNSURE * abs(self.value)
+        """Whether little more than the sign of a coefficient is known."""
+        return is_coefficient(self.name) and self.sd > UNSURE * abs(self.value)
 
 
 @dataclass(frozen=True)
@@ -78,5 +86,5 @@ class Known:
 
     @property
     def unsure(self) -> list[str]:
-        """Coefficients that an error of the model leaves unknown."""
+        """Coefficients of which little more than the sign is known."""
         return [item.name for item in self.parameters if item.is_unsure]

@@ -14,7 +14,7 @@ from seatrial.export.vehicle import UNCERTAINTY, AveragedCoefficient, ExportedVe
 from seatrial.vehicles.hull import Hull
 
 # Columns of the average over all models.
-_AVERAGED_COLUMNS = ("averaged_mean", "averaged_sd", "averaged_model_error_sd")
+_AVERAGED_COLUMNS = ("averaged_mean", "averaged_sd")
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,13 @@ class CsvTable:
             if name not in known:
                 rows.append([name, repr(float(value)), "", vehicle.unit(name), "given"])
                 continue
-            numbers = [estimated.model_error_sd.get(name), *_of_average(averages.pop(name, None))]
-            entries = [*numbers, *estimated.covariance[known[name]]]
+            entries = [*_of_average(averages.pop(name, None)), *estimated.covariance[known[name]]]
             sd = repr(float(estimated.sd[known[name]]))
             rows.append([name, repr(float(value)), sd, vehicle.unit(name), "estimated", *map(_number, entries)])
         for name, one in averages.items():
-            rows.append([name, "", "", vehicle.unit(name), "in other models", "", *map(_number, _of_average(one))])
+            rows.append([name, "", "", vehicle.unit(name), "in other models", *map(_number, _of_average(one))])
         body = [[name, repr(value), "", unit, "body"] for name, value, unit in body_rows(vehicle)]
-        head = ["name", "value", "sd", "unit", "source", "model_error_sd", *_AVERAGED_COLUMNS]
+        head = ["name", "value", "sd", "unit", "source", *_AVERAGED_COLUMNS]
         head += [f"covariance with {name}" for name in known]
         full = [row + [""] * (len(head) - len(row)) for row in (*rows, *body)]
         stream = io.StringIO()
@@ -59,7 +58,7 @@ class CsvTable:
 
 
 def _of_average(one: AveragedCoefficient | None) -> tuple[float | None, ...]:
-    return (None,) * len(_AVERAGED_COLUMNS) if one is None else (one.mean, one.sd, one.model_error_sd)
+    return (None,) * len(_AVERAGED_COLUMNS) if one is None else (one.mean, one.sd)
 
 
 def _number(value: float | None) -> str:

@@ -92,7 +92,6 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
                 "name": name,
                 "value": float(value),
                 "sd": float(sd[name]) if name in sd else None,
-                "model_error_sd": estimated.model_error_sd.get(name),
                 "unit": vehicle.unit(name),
                 "source": "estimated" if name in sd else "given",
             }
@@ -103,7 +102,6 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
             "mean": estimated.mean.tolist(),
             "sd": estimated.sd.tolist(),
             "covariance": estimated.covariance.tolist(),
-            "model_error_sd": [estimated.model_error_sd.get(name) for name in estimated.names],
             "uncertainty": UNCERTAINTY,
             "quoted": estimated.quoted,
             "averaged": [{**vars(one), "unit": vehicle.unit(one.name)} for one in estimated.averaged],

@@ -132,7 +132,7 @@ def _designed(outcome: Outcome, first: TrialDesign) -> dict[str, Any]:
     filtered = [str(name) for name in outcome.filter["coefficient"].values]
     full = outcome.estimates[0]
     before = [float(full.data.sel(parameter=name)["prior_sd"]) for name in filtered]
-    reached = [float(full.data.sel(parameter=name)["sd"]) for name in filtered]
+    reached = [float(full.data.sel(parameter=name)["draws_sd"]) for name in filtered]
     promised = dict(zip(first.names, first.best.final_sd[first.best.best], strict=True))
     return {
         "figures": sweep_drawings(outcome, first, "first"),

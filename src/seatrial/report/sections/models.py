@@ -12,7 +12,6 @@ from seatrial.messages.structures import agreement_counts, difference_words, tri
 from seatrial.report.drawing import (
     digits_of,
     draw,
-    factors_of,
     finding_of,
     labels_of,
     model_html,
@@ -65,7 +64,7 @@ def _row(outcome: Outcome, index: int, best: float) -> dict[str, Any]:
 
 
 def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
-    """Return the coefficients of the most probable models, a column each, and their standard deviations with model error."""
+    """Return the coefficients of the most probable models, a column each."""
     estimates = [outcome.estimates[index] for index in order]
     names = dict.fromkeys(name for estimate in estimates for name in estimate.structure.terms)
     rows = [
@@ -75,13 +74,9 @@ def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
     return {"heads": [model_html(outcome, estimate.structure.label) for estimate in estimates[1:]], "rows": rows}
 
 
-def _value(outcome: Outcome, estimate: Estimate, name: str) -> tuple[str, str]:
-    """Return a coefficient of one model with its standard deviation, and that with model error; empty where there is none."""
-    if name not in estimate.names:
-        return "", ""
-    digits, wider = digits_of(outcome)[name], estimate.wider(name)
-    with_model_error = "" if wider is None else f"± {digits.bare(factors_of(outcome)[name] * wider)} with model error"
-    return digits.pair(*moments_of(outcome, estimate)[name]), with_model_error
+def _value(outcome: Outcome, estimate: Estimate, name: str) -> str:
+    """Return a coefficient of one model with its standard deviation; empty where there is none."""
+    return digits_of(outcome)[name].pair(*moments_of(outcome, estimate)[name]) if name in estimate.names else ""
 
 
 def _contenders(outcome: Outcome) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
+from seatrial.messages.effects import shares_text
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
 from seatrial.messages.structures import QUOTED, condition_of
@@ -78,9 +79,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "has_truth": bool(truth_of(outcome)),
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
-        "wider": sentence_of(outcome, outcome.chosen.model_error),
-        "wider_findings": [sentence_of(outcome, sentence(one)) for one in outcome.wider_findings],
-        "has_wider": any(row["wider"] for row in (*rows, *others)),
+        "contains": sentence_of(outcome, outcome.chosen.contains),
+        "cause_findings": [sentence_of(outcome, sentence(one)) for one in outcome.cause_findings],
         "models": _models(outcome),
         "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
         "unless": "" if outcome.selection.is_settled else condition_of(outcome.selection),
@@ -238,25 +238,18 @@ def _row(outcome: Outcome, name: str, average: StoredAverage) -> dict[str, Any]:
         digits_of(outcome)[name],
         next((row for row in outcome.summary.coefficients if row.name == name), None),
     )
-    truth, wider = truth_of(outcome), outcome.chosen.wider(name) if item else None
-    factor = factors_of(outcome)[name]
-    quoted = "average" if outcome.selection.quoted == "averaged" else "value" if wider is None else "wider"
+    truth, factor = truth_of(outcome), factors_of(outcome)[name]
+    quoted = "average" if outcome.selection.quoted == "averaged" else "value"
     value = digits.pair(factor * item.mean, factor * item.sd) if item else ""
-    wider_text = "" if wider is None else f"± {digits.bare(factor * wider)}"
-    if item and wider is not None and quoted == "wider":
-        wider_text = digits.pair(factor * item.mean, factor * wider)
-    within = digits.pair(factor * average.mean, factor * average.sd)
-    wide = average.model_error_sd
+    mean = digits.pair(factor * average.mean, factor * average.sd)
     return {
         "name": name,
         **unit_row(outcome, name),
         "quoted": "" if outcome.own_alarms else quoted,
         "value": value,
-        "wider": wider_text,
-        "cause": name_html(outcome.chosen.wider_cause(name), labels_of(outcome)),
-        "average": within if wide is None else digits.pair(factor * average.mean, factor * wide),
-        "average_is_wider": wide is not None,
-        "differs": within != value,
+        "made_of": name_html(shares_text(item.shares, item.cause), labels_of(outcome)) if item else "",
+        "average": mean,
+        "differs": mean != value,
         "truth": digits.bare(truth[name]) if name in truth else "",
         "outside": bool(item and name in truth and not factor * item.lower_95 <= truth[name] <= factor * item.upper_95),
     }
