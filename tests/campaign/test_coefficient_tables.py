@@ -12,6 +12,7 @@ from seatrial.core.display_units import shown_as_written
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, select
 
+WIDER = 1.5  # Standard deviation of X_u over that of its draws
 SI = shown_as_written({})
 
 
@@ -21,12 +22,23 @@ def made(label: str, seed: int, **means: float) -> Estimate:
     draws = np.random.default_rng(seed).normal(list(means.values()), 0.5, (4, 500, len(names)))
     told = {"draws": (("chain", "draw", "parameter"), draws)}
     told |= {"unit": ("parameter", ["kg/s"] * len(names)), "label": ("parameter", names)}
-    told |= {"mean": ("parameter", draws.mean((0, 1))), "sd": ("parameter", draws.std((0, 1)))}
+    sd = draws.std((0, 1))
+    told |= {"mean": ("parameter", draws.mean((0, 1))), "draws_sd": ("parameter", sd)}
+    told |= {
+        "sd": (
+            "parameter",
+            np.array([WIDER * one if name == "X_u" else one for name, one in zip(names, sd, strict=True)]),
+        )
+    }
+    told |= {"shares": (("parameter", "origin"), np.tile([0.25, 0.75, 0.0, 0.0], (len(names), 1)))}
+    told |= {
+        "prior_lower": ("parameter", np.full(len(names), -np.inf)),
+        "prior_upper": ("parameter", np.full(len(names), np.inf)),
+    }
     blank = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
     told |= {name: ("parameter", np.full(len(names), np.nan)) for name in blank}
-    told["model_error_sd"] = ("parameter", [6.0 if name == "X_u" else np.nan for name in names])
     data = xr.Dataset(told, {"parameter": names})
-    return Estimate(Structure(label, tuple(names)), data, model_error_causes={"X_u": "a force X_u3"})
+    return Estimate(Structure(label, tuple(names)), data, causes={"X_u": "a force X_u3"})
 
 
 def shortest(drawn: np.ndarray) -> tuple[float, float]:
@@ -43,7 +55,8 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
     selection = select([rich.structure, simple.structure], evidences, ["X_u"])
     found = {row.name: row for row in averaged_rows([rich, simple], selection)}
     # Three draws of the simple structure to one of the other, which is what their probabilities are.
-    absent = np.concatenate([rich.draws(["X_u"])[:, 0], np.zeros(3 * 2000)])
+    own = rich.draws(["X_u"])[:, 0]
+    absent = np.concatenate([own.mean() + WIDER * (own - own.mean()), np.zeros(3 * 2000)])
     both = np.concatenate([rich.draws(["X_uabsu"])[:, 0], np.tile(simple.draws(["X_uabsu"])[:, 0], 3)])
     for name, drawn, inclusion in (("X_u", absent, 0.25), ("X_uabsu", both, 1.0)):
         assert found[name].mean == pytest.approx(drawn.mean())
@@ -52,21 +65,19 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
         assert found[name].inclusion <= 1.0
         assert (found[name].lower_95, found[name].upper_95) == pytest.approx(shortest(drawn))
     assert found["X_u"].upper_95 == 0.0  # three in four structures lack it
-    assert (found["X_u"].model_error_cause, found["X_uabsu"].model_error_cause) == ("a force X_u3", "")
-    between = 0.25 * 0.75 * rich.draws(["X_u"]).mean() ** 2
-    assert found["X_u"].model_error_sd == pytest.approx(np.sqrt(0.25 * 6.0**2 + between))
-    assert found["X_uabsu"].model_error_sd is None
+    assert (found["X_u"].cause, found["X_uabsu"].cause) == ("a force X_u3", "")
     path = write_averaged(tmp_path, list(found.values()), SI)
     written = list(csv.DictReader(path.open()))
     assert [row["name"] for row in written] == ["X_u", "X_uabsu"]
-    assert [row["model_error_cause"] for row in written] == ["a force X_u3", ""]
+    assert [row["cause"] for row in written] == ["a force X_u3", ""]
     assert float(written[1]["lower_95"]) < float(written[1]["mean"]) < float(written[1]["upper_95"])
     before = csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open())
     assert [row["probability"] for row in before] == ["", "", ""]
     rows = list(csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI, selection).open()))
     assert [float(row["probability"]) for row in rows] == pytest.approx([0.25, 0.25, 0.75])
     assert [(row["structure"], row["name"]) for row in rows] == [("M-0", "X_u"), ("M-0", "X_uabsu"), ("M-1", "X_uabsu")]
-    drawn = np.sort(rich.draws(["X_u"])[:, 0])
+    assert [rows[0][name] for name in ("noise", "stated", "cause")] == ["0.25", "0.75", "a force X_u3"]
+    drawn = np.sort(own.mean() + WIDER * (own - own.mean()))
     inside = (drawn > float(rows[0]["lower_95"])) & (drawn < float(rows[0]["upper_95"]))
     assert inside.mean() == pytest.approx(0.95, abs=0.002)
     assert rows[0]["r_hat"] == ""

@@ -79,10 +79,10 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     assert alone.verdict == ()
     assert known_lines(alone, shown_as_written({}))[-1].strip() == BY_ITSELF
     first, *others = alone.parameters
-    sure = replace(alone, parameters=(replace(first, model_error_sd=0.4 * abs(first.value)), *others))
+    sure = replace(alone, parameters=(replace(first, sd=0.4 * abs(first.value)), *others))
     assert verdict_of(sure) == (BY_ITSELF,)
-    unsure = replace(alone, parameters=(replace(first, model_error_sd=0.9 * abs(first.value)), *others))
-    assert "with model error not X_u:" in verdict_of(unsure)[0]
+    unsure = replace(alone, parameters=(replace(first, sd=0.9 * abs(first.value)), *others))
+    assert verdict_of(unsure) == (f"{BY_ITSELF}, but X_u only to ± more than half of the value",)
 
 
 def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():

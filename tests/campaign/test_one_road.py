@@ -19,6 +19,7 @@ from seatrial.campaign.workflow.steps import STEPS, Workflow
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.reporter import no_progress
 from seatrial.estimation.diagnostics.error_budget import error_budget
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.sampling import sampler
@@ -211,7 +212,9 @@ def test_simulate(flow, record):
 def test_estimate_by_mode(flow, posterior, mode):
     (answer,) = posterior_modes(flow.campaign, flow.get("trials"))
     assert [name for name, *_ in answer.rows] == list(posterior.names)
-    np.testing.assert_array_equal([pair for _, _, (pair,) in answer.rows], np.stack([mode.values, mode.sd], 1))
+    budget = error_budget(posterior, mode, StatedErrors())
+    sds = [budget.sd(name, float(sd)) for name, sd in zip(mode.names, mode.sd, strict=True)]
+    np.testing.assert_array_equal([pair for _, _, (pair,) in answer.rows], np.stack([mode.values, sds], 1))
     assert answer.log_evidence == mode.log_evidence
 
 
@@ -224,13 +227,9 @@ def test_estimate(flow, posterior, mode):
     settings = st.ChainSettings(draws.shape[0], LENGTH, draws.shape[1])
     chains = sampler.sample(SAMPLERS[DEFAULT], target, starts, there.cov, key, settings)
     np.testing.assert_array_equal(in_posterior(target, chains).values, draws)
-    np.testing.assert_array_equal(estimate.data["model_error_sd"].values, model_error_sd(posterior, mode, draws))
-
-
-def model_error_sd(posterior, mode, draws):
-    budget, sd = error_budget(posterior, mode), draws.std(axis=(0, 1))
-    wider = [budget.wider(name, float(one)) for name, one in zip(posterior.names, sd, strict=True)]
-    return [np.nan if one is None else one for one in wider]
+    budget, sd = error_budget(posterior, mode, StatedErrors()), draws.std(axis=(0, 1))
+    whole = [budget.sd(name, float(one)) for name, one in zip(posterior.names, sd, strict=True)]
+    np.testing.assert_array_equal(estimate.data["sd"].values, whole)
 
 
 def test_select(flow, posterior):

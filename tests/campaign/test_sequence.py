@@ -17,6 +17,7 @@ from seatrial.campaign.workflow import loop as sequence
 from seatrial.campaign.workflow.loop import run_sequence, summarise
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.structures import IF_NOISE, undecided_words
 from seatrial.report.sections.summary import answer, summary_section
@@ -207,7 +208,7 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
 
 
 def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
-    """Correlated residuals of a fitted run disown them; one with model error counts in place of that within the model."""
+    """Correlated residuals of a fitted run disown them; what is not noise is named, as no trial narrows it."""
     outcome = with_goal(make_outcome(tmp_path), Goal(shares={"X_u": 9.0}))
     slow = tuple(replace(fit, verdict=ENTRIES["residuals-correlated"].example) for fit in outcome.fits)
     found = propose(replace(outcome, fits=slow))
@@ -223,11 +224,16 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
     assert unmet.beside(["another"]) is unmet
     rows = tuple(
-        replace(row, model_error_sd=20 * abs(row.mean)) if row.name == "X_u" else row
+        replace(row, sd=20 * abs(row.mean), shares=ErrorShares(0.19, 0.81), cause="the stated inertia along X")
+        if row.name == "X_u"
+        else row
         for row in outcome.summary.coefficients
     )
     outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
-    assert any(line.startswith("X_u is known to 2000 %, 900 % wanted") for line in propose(outcome).lines)
+    stays = "X_u is known to 2000 %, 900 % wanted; without noise it would be 1800 %: the stated inertia along X"
+    assert stays in propose(outcome).lines
+    stop = "stop: no trial of this kind meets the goal for X_u: correct the stated inertia along X first"
+    assert propose(outcome).lines[-1] == stop
 
 
 def test_chains_of_a_structure_that_the_data_exclude_are_no_alarm(tmp_path):

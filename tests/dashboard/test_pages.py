@@ -140,13 +140,13 @@ def test_an_error_beside_its_field_names_no_line_of_the_file():
 
 
 def test_estimates_stand_by_structure_before_a_model_is_chosen():
-    remark = "X_uabsu: most of the ± with model error is from a force X_u"
+    remark = "X_uabsu: most of the ± is from a force X_u"
     found = (
-        EstimatedStructure("M-0", ("X_u",), (("X_u", "X_{u}", "kg/s", -1.25, 0.23, None, ""),)),
+        EstimatedStructure("M-0", ("X_u",), (("X_u", "X_{u}", "kg/s", -1.25, 0.23, ""),)),
         EstimatedStructure(
             "M-1",
             ("X_uabsu",),
-            (("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.13, 0.478, "a force X_u"),),
+            (("X_uabsu", "X_{u|u|}", "kg/m", -3.92, 0.478, "a force X_u"),),
             ("R-hat of X_uabsu is 1.2",),
             (remark,),
         ),
@@ -155,25 +155,22 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
     first, second = html.split("<caption>")[1:]
     assert first.startswith("Parameters of M-0: X_u<")
     assert "−1.25 ± 0.23" in first
-    assert "with model error" not in first
-    assert '<th scope="col">with model error' in second
-    assert "± 0.478 <small>a force X_u</small>" in second
-    assert '<th scope="col">mean ± sd, within the model' in second
-    assert '<td data-head="with model error">± 0.478' in second  # on a narrow screen, where the head is above each cell
-    assert "Xu|u|: most of the ± with model error is from a force X_u." in re.sub("<[^>]*>", "", second)
+    assert "± 0.48 <small>a force X_u</small>" in second
+    assert '<td data-head="mean ± sd">−3.92' in second  # on a narrow screen, where the head is above each cell
+    assert "Xu|u|: most of the ± is from a force X_u." in re.sub("<[^>]*>", "", second)
     assert html.index("Do not use these numbers yet") < html.index("M-1: R-hat of") < html.index("<caption>")
 
 
-def test_a_stored_mode_is_shown_with_its_model_error_in_the_unit_of_its_prior():
+def test_a_stored_mode_is_shown_with_its_cause_in_the_unit_of_its_prior():
     mode = StoredMode(
         ("X_u",),
         {"X_u": (-1.0, 0.1), "sigma_u": (0.02, 0.001)},
         (),
         {"X_u": "kg/s", "sigma_u": "m/s"},
-        {"X_u": (0.5, "a force X_uabsu")},
+        {"X_u": "a force X_uabsu"},
     )
     html = estimated_html([of_mode(mode)], shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))
-    assert "± 5.00 × 10⁻⁴ <small>a force X_uabsu</small>" in html
+    assert "<small>a force X_uabsu</small>" in html
     assert "2.00 ± 0.10" in html
     assert "cm/s" in html
 

@@ -88,15 +88,15 @@ def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(
     assert options["series"][1]["data"] == [[1, 1]]
 
 
-def test_two_campaigns_differ_by_their_joint_standard_deviation_with_model_error():
+def test_two_campaigns_differ_by_their_joint_standard_deviation():
     blank = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:], 0.0)
 
-    def row(mean, unit="kg/s", wider=None):
-        return StoredCoefficient("X_u", unit, "", **{**blank, "mean": mean, "sd": 0.1, "model_error_sd": wider})
+    def row(mean, unit="kg/s", sd=0.1):
+        return StoredCoefficient("X_u", unit, "", **{**blank, "mean": mean, "sd": sd})
 
     ours = row(-1.0)
     assert joint_difference(ours, row(-1.5)) == pytest.approx(0.5 / np.hypot(0.1, 0.1))  # 3.5: a contradiction
-    assert joint_difference(ours, row(-1.5, wider=0.4)) == pytest.approx(0.5 / np.hypot(0.1, 0.4))  # 1.2
+    assert joint_difference(ours, row(-1.5, sd=0.4)) == pytest.approx(0.5 / np.hypot(0.1, 0.4))  # 1.2
     assert joint_difference(ours, row(-1.5, "1/s")) is None  # of a campaign whose mass is unknown
 
 

@@ -12,6 +12,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, write_dataset
 from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.dataset import Dataset
+from seatrial.core.findings import Finding
 from tests.campaign.small import write_small, write_summary
 
 MEAN = {
@@ -25,8 +26,14 @@ MEAN = {
 }
 
 
-def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider="") -> Path:
-    """Write the small campaign with a posterior of every structure; the first is chosen. Its records are empty: nobody reads them."""
+CAUSE = Finding("main-error", "note", ("X_u",), {"effects": (("inertia", "X"),)}, ("weigh-vehicle",))
+
+
+def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider=1.0) -> Path:
+    """Write the small campaign with a posterior of every structure, of which the first is chosen, and with empty records.
+
+    Standard deviations are `wider` than those of the draws.
+    """
     write_small(folder, *replacements)
     campaign = load_campaign(folder)
     keys = record_keys(campaign)
@@ -42,13 +49,17 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
         data = xr.Dataset(
             {
                 "draws": (("chain", "draw", "parameter"), draws),
-                "model_error_sd": ("parameter", [0.5 if name == wider else np.nan for name in names]),
+                "mean": ("parameter", draws.mean((0, 1))),
+                "draws_sd": ("parameter", draws.std((0, 1))),
+                "sd": ("parameter", wider * draws.std((0, 1))),
+                "prior_lower": ("parameter", np.full(len(names), -np.inf)),
+                "prior_upper": ("parameter", np.full(len(names), np.inf)),
             },
             coords={"parameter": names},
         )
         key = estimate_key(campaign, structure, trials)
         StoredResult(Store(folder).posterior(structure.label), key, Estimate).write(
-            Estimate(structure, Dataset.of(data), alarms=tuple(alarms), model_error_causes={"X_u": "a lag"})
+            Estimate(structure, Dataset.of(data), alarms=tuple(alarms), cause_findings=(CAUSE,))
         )
     write_summary(folder, chosen=campaign.structures[0].label)
     return folder

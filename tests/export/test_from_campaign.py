@@ -47,21 +47,21 @@ def test_estimates_are_the_posterior_s_means_and_covariance(tmp_path):
     assert (vehicle.actuators["n"].lower, vehicle.actuators["n"].upper) == (0.0, pytest.approx(1500 * np.pi / 30))
 
 
-def test_a_standard_deviation_with_model_error_goes_along_as_a_caution(tmp_path):
-    folder = finished(tmp_path / "c", wider="X_u")
+def test_standard_deviations_hold_all_errors_and_their_cause_is_a_caution(tmp_path):
+    folder, within = finished(tmp_path / "c", wider=3.0), of_campaign(finished(tmp_path / "d"))[0].estimated
     summary = Store(folder).summary
     row = {"name": "X_u", "unit": "kg/s", "label": "", "mean": -1.0, "sd": 0.6, "lower_95": 0.0, "upper_95": 0.0}
-    row |= {"model_error_sd": 0.8, "model_error_cause": "a lag", "inclusion": 0.7}
+    row |= {"cause": "a lag", "inclusion": 0.7}
     content = json.loads(summary.read_text()) | {"averaged": [row], "quoted": "averaged"}
     write_stamped_json(summary, {name: value for name, value in content.items() if name != SEAL}, "any")
     vehicle, provenance = of_campaign(folder)
-    assert vehicle.estimated.model_error_sd == {"X_u": 0.5}
+    np.testing.assert_allclose(vehicle.estimated.sd, 3.0 * within.sd)
+    np.testing.assert_allclose(vehicle.estimated.covariance, 9.0 * within.covariance)
     (averaged,) = vehicle.estimated.averaged
-    assert astuple(averaged) == ("X_u", -1.0, 0.6, 0.8, 0.7)
+    assert astuple(averaged) == ("X_u", -1.0, 0.6, 0.7)
     lines = state(OwnJson(), vehicle, provenance).lines
-    assert any(line.startswith("  X_u = ") and line.endswith("kg/s, ± 0.5 with model error") for line in lines)
-    assert lines[lines.index(f"to quote: {QUOTED['averaged']}:") + 1] == "  X_u = -1 ± 0.8 kg/s"
-    assert provenance.cautions == ("X_u has a standard deviation of 0.5 with model error, mostly a lag",)
+    assert lines[lines.index(f"to quote: {QUOTED['averaged']}:") + 1] == "  X_u = -1 ± 0.6 kg/s"
+    assert provenance.cautions[0].startswith("X_u: most of the ± is from the stated inertia along X. Weigh the vehicle")
 
 
 def test_the_largest_estimated_current_goes_with_the_vehicle(tmp_path):

@@ -96,35 +96,31 @@ def test_parts_that_contradict_each_other_are_refused(keys, value, words, tmp_pa
     assert words in str(error.value)
 
 
-def test_model_error_and_averages_go_along_as_numbers(tmp_path):
+def test_averages_go_along_as_numbers(tmp_path):
     """In JSON and back, in the table, and as `--json` prints them; a file of an earlier version lacks them."""
     vehicle = published()
     averaged = (
-        AveragedCoefficient("X_uabsu", -2.0, 0.6, 0.9, 1.0),
-        AveragedCoefficient("X_u", -0.5, 0.7, None, 0.3),
+        AveragedCoefficient("X_uabsu", -2.0, 0.6, 1.0),
+        AveragedCoefficient("X_u", -0.5, 0.7, 0.3),
     )
-    estimated = replace(vehicle.estimated, model_error_sd={"X_uabsu": 0.5}, averaged=averaged, quoted="averaged")
+    estimated = replace(vehicle.estimated, averaged=averaged, quoted="averaged")
     path, content = save(replace(vehicle, estimated=estimated), tmp_path)
     again, _ = read_exported(path)
-    assert (again.estimated.model_error_sd, again.estimated.averaged) == ({"X_uabsu": 0.5}, averaged)
-    assert again.estimated.quoted == "averaged"
-    told = {row["name"]: row["model_error_sd"] for row in content["coefficients"]}
-    assert (told["X_uabsu"], told["T_nabsn"]) == (0.5, None)
-    assert "hold within the exported model" in content["estimated"]["uncertainty"]
+    assert (again.estimated.averaged, again.estimated.quoted) == (averaged, "averaged")
+    assert "contain noise, stated inputs" in content["estimated"]["uncertainty"]
     text = written(CsvTable(), replace(vehicle, estimated=estimated))["coefficients.csv"]
-    assert "# sd and covariance hold within the exported model" in text
+    assert "# sd and covariance of a campaign contain noise, stated inputs" in text
     rows = {row["name"]: row for row in csv.DictReader(line for line in text.splitlines() if line[0] != "#")}
-    columns = ("model_error_sd", "averaged_mean", "averaged_sd", "averaged_model_error_sd", "source")
-    assert [rows["X_uabsu"][name] for name in columns] == ["0.5", "-2.0", "0.6", "0.9", "estimated"]
-    assert [rows["X_u"][name] for name in columns] == ["", "-0.5", "0.7", "", "in other models"]
+    columns = ("averaged_mean", "averaged_sd", "source")
+    assert [rows["X_uabsu"][name] for name in columns] == ["-2.0", "0.6", "estimated"]
+    assert [rows["X_u"][name] for name in columns] == ["-0.5", "0.7", "in other models"]
     printed = plain(estimated)
-    assert printed["model_error_sd"] == {"X_uabsu": 0.5}
     assert [(one["name"], one["mean"]) for one in printed["averaged"]] == [("X_uabsu", -2.0), ("X_u", -0.5)]
     for part in (content["estimated"], *content["coefficients"]):
-        for key in ("model_error_sd", "uncertainty", "quoted", "averaged"):
+        for key in ("uncertainty", "quoted", "averaged"):
             part.pop(key, None)
     path.write_text(json.dumps(content))
-    assert read_exported(path)[0].estimated.model_error_sd == {}
+    assert read_exported(path)[0].estimated.averaged == ()
 
 
 def test_keys_that_stand_twice_and_folders_are_refused(tmp_path):

@@ -292,6 +292,9 @@ def _record(label: str, random: np.random.Generator) -> Record:
     return make_record(time, {"tau_X": control, "u": u, "udot": 0.2 * np.cos(time)}, channels, provenance, label)
 
 
+NOISE, MODEL = [1.0, 0.0, 0.0, 0.0], [0.1, 0.0, 0.0, 0.9]  # What standard deviations are made of
+
+
 def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
     names = [*structure.terms, *UNITS, *(f"u_0[{label}]" for label in FITTED)]
     truth = np.array([TRUE.get(name, 0.01) for name in names])
@@ -303,9 +306,9 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
     columns = {
         "mode": truth,
         "laplace_sd": 0.1 * np.abs(truth),
-        "model_error_sd": np.where(np.arange(len(names)) % 3, np.nan, 0.3 * np.abs(truth)),
         "mean": draws.mean((0, 1)),
-        "sd": draws.std((0, 1)),
+        "sd": np.where(np.arange(len(names)) % 3, draws.std((0, 1)), 0.3 * np.abs(truth)),
+        "draws_sd": draws.std((0, 1)),
         "prior_mean": 1.2 * truth,
         "prior_sd": np.abs(truth),
         "prior_lower": truth - 2.0 * np.abs(truth),
@@ -320,6 +323,7 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         {
             "draws": (("chain", "draw", "parameter"), draws),
             **{name: ("parameter", column) for name, column in columns.items()},
+            "shares": (("parameter", "origin"), np.where(np.arange(len(names))[:, None] % 3, NOISE, MODEL)),
             "prior_value": (("parameter", "point"), truth[:, None] + np.abs(truth)[:, None] * np.linspace(-2, 2, 9)),
             "prior_density": (("parameter", "point"), np.full((len(names), 9), 0.25) / np.abs(truth)[:, None]),
         },
@@ -331,13 +335,13 @@ def _estimate(structure: Structure, random: np.random.Generator) -> Estimate:
         },
         attrs={"acceptance": 0.23, "laplace_log_evidence": 1.0, "key": structure.label},
     )
-    cause = Finding("model-error-wide", "note", tuple(names[:1]), {"effects": (("force", "X_u3"),)}, ("add-force",))
+    cause = Finding("main-error", "note", tuple(names[:1]), {"effects": (("force", "X_u3"),)}, ("add-force",))
     return Estimate(
         structure,
         data,
-        model_error="± with model error: made up",
-        model_error_causes=dict.fromkeys(names[::3], "a force X_u3"),
-        model_error_findings=(cause,),
+        contains="± contains what is made up.",
+        causes=dict.fromkeys(names[::3], "a force X_u3"),
+        cause_findings=(cause,),
         tried_effects=("a force X_u3", "a lag of the actuator of n"),
     )
 
@@ -349,7 +353,8 @@ def _row(estimate: Estimate, name: str) -> StoredCoefficient:
     others = dict.fromkeys(("mcse", "mode", "prior_mean", "prior_sd", "geweke"), 0.0)
     ends = {"lower_95": mean - 2 * sd, "upper_95": mean + 2 * sd}
     texts = {key: str(row[key].values) for key in ("unit", "label")}
-    return StoredCoefficient(name=name, mean=mean, sd=sd, **texts, **numbers, **others, **ends)
+    made_of = {"shares": estimate.shares(name), "cause": estimate.causes.get(name, "")}
+    return StoredCoefficient(name=name, mean=mean, sd=sd, **texts, **numbers, **others, **ends, **made_of)
 
 
 def _filter(campaign: Campaign, trials: Trials, random: np.random.Generator) -> xr.Dataset:

@@ -27,7 +27,7 @@ from seatrial.report.sections.fits import fits_section
 from seatrial.report.sections.models import models_section
 from seatrial.report.sections.summary import answer, other_kinds
 from seatrial.selection.verdict import averaged
-from tests.report.outcomes import EVIL, FITTED, HELD, TRUE, make_compared, make_contenders, make_outcome, make_pooled
+from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_contenders, make_outcome, make_pooled
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -266,29 +266,26 @@ def bold_values(html):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
-    """The mixture by hand; with model error, of which the structures have 0.3 of the value, in X_tau_X and half of them in X_uabsu."""
+    """The mixture by hand."""
     made = make_outcome(tmp_path)
     p = np.array([0.6, 0.3, 0.1, 0.0])
     open_ = replace(made, selection=replace(made.selection, probability=p, probability_error=np.zeros(4)))
     html, digits = render(open_), digits_of(open_)
     expected = []
     for name in ("X_tau_X", "X_u", "X_uabsu"):
-        sums = {"sd": np.zeros(2), "model_error_sd": np.zeros(2)}
+        sums = np.zeros(2)
         for weight, one in zip(p, made.estimates, strict=True):
             if name in one.names:
                 row = one.data.sel(parameter=name)
-                mean, sd, wider = (float(row[key]) for key in ("mean", "sd", "model_error_sd"))
-                for key, size in (("sd", sd), ("model_error_sd", sd if np.isnan(wider) else wider)):
-                    sums[key] += weight * np.array([mean, mean**2 + size**2])
-        within, wide = (np.sqrt(second - first**2) for first, second in sums.values())
-        expected.append(("Averaged", digits[name].pair(sums["sd"][0], wide if wide > 1.5 * within else within)))
+                mean, sd = (float(row[key]) for key in ("mean", "sd"))
+                sums += weight * np.array([mean, mean**2 + sd**2])
+        expected.append(("Averaged", digits[name].pair(sums[0], np.sqrt(sums[1] - sums[0] ** 2))))
     assert bold_values(html) == expected
     assert f"Bold: the value to quote.</strong> It is {QUOTED['averaged']}." in html
     decided = render(replace(made, selection=replace(made.selection, probability=np.eye(4)[0])))
     means = {row.name: (row.mean, row.sd) for row in made.summary.coefficients}
     assert bold_values(decided) == [
-        ("With model error", digits["X_tau_X"].pair(means["X_tau_X"][0], 0.3 * TRUE["X_tau_X"])),
-        *(("Chosen model", digits[name].pair(*means[name])) for name in ("X_u", "X_uabsu")),
+        ("Chosen model", digits[name].pair(*means[name])) for name in ("X_tau_X", "X_u", "X_uabsu")
     ]
     assert f"Bold: the value to quote.</strong> It is {QUOTED['chosen']}." in decided
     alarm = render(alarmed(tmp_path / "alarmed", "M-0: the chains disagree about X_u (R-hat 1.03): run longer"))
@@ -308,22 +305,25 @@ def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
         lines = capsys.readouterr().out.splitlines()
         at = lines.index(f"  to quote: {QUOTED[quoted]}")
         rows = [re.fullmatch(r"    (.*?) +\S+ ± (\S+) .*", line) for line in lines[at + 1 :]]
-        told = {row.name: row.model_error_sd or row.sd for row in outcome.summary.averaged}
+        told = {row.name: row.sd for row in outcome.summary.averaged}
         expected = [[name, f"{sd:.3g}"] for name, sd in told.items()] if quoted == "averaged" else []
         assert [list(row.groups()) for row in takewhile(bool, rows)] == expected
         assert answer.content["result"]["quoted"] == quoted
 
 
-def test_other_models_have_their_model_error_too(outcome):
+def test_other_models_stand_beside_the_chosen_one(outcome):
     digits, other = digits_of(outcome)["X_tau_X"], outcome.estimates[1]
     assert other is not outcome.chosen
-    value, wider = models_section(outcome)["beside"]["rows"][0]["values"][0]
+    value = models_section(outcome)["beside"]["rows"][0]["values"][0]
     assert value == digits.pair(*moments_of(outcome, other)["X_tau_X"])
-    assert wider == f"± {digits.bare(0.3 * TRUE['X_tau_X'])} with model error"
+
+
+def test_a_value_names_what_its_standard_deviation_is_made_of(html):
+    assert re.search(r'<small class="cause">model 90\s%, noise 10\s%: a force', html)
 
 
 def test_the_effects_that_were_tried_are_listed(html):
-    listed = html[html.index("The 2 effects that were tried for the ± with model error</summary>") :]
+    listed = html[html.index("The 2 effects that the ± contains</summary>") :]
     assert re.findall(r"<li>(.*?)</li>", listed)[:2] == [
         'a force <span class="symbol"><i>X</i><sub><i>u</i><sup>3</sup></sub></span>',
         "a lag of the actuator of n",
@@ -335,13 +335,11 @@ def test_a_caution_about_the_noise_is_told_once(outcome):
     verdict = replace(ENTRIES["residuals-correlated"].example, remedies=("drifting-noise",))
     fits = tuple(replace(fit, verdict=verdict) for fit in outcome.fits if not fit.held_back)
     summary = replace(outcome.summary, cautions=tuple(sentences(fit_complaints(fits))))
-    noise = Finding("model-error-wide", "note", ("X_u",), {"effects": ()}, ("better-noise",))
-    outcome = replace(outcome, chosen=replace(outcome.chosen, model_error_findings=(noise,)))
+    noise = Finding("main-error", "note", ("X_u",), {"effects": ()}, ("better-noise",))
+    outcome = replace(outcome, chosen=replace(outcome.chosen, cause_findings=(noise,)))
     html = render(replace(outcome, summary=summary, fits=fits, cross_validation=None))
     assert html.lower().count("set estimation.residuals") == 1
-    assert "most of the ± with model error is from slow errors of the sensors. Set estimation.residuals" in render(
-        outcome
-    )
+    assert "most of the ± is from slow errors of the sensors. Set estimation.residuals" in render(outcome)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -352,11 +350,11 @@ def test_a_page_without_cautions_has_none_in_any_section(tmp_path):
     (held_back,) = made.trials.predict
     trials = replace(made.trials, predict=(replace(held_back, control=0.5 * held_back.control),))
     made = replace(made, trials=trials, fits=(), pooled=(), compared=(), cross_validation=None, selection=selection)
-    quiet = [replace(one, left=0.1, correlation=0.2) for one in made.known.parameters]
+    quiet = [replace(one, sd=0.1 * abs(one.value), left=0.1, correlation=0.2) for one in made.known.parameters]
     known = replace(made.known, verdict=(), parameters=tuple(quiet))
     promised = replace(made.known, stage="before", verdict=("X_u would be 0 ± 2",))
-    for nats, wider, count in ((5.0, 0.0, 0), (0.01, 9.0, 2)):
-        unsure = replace(known, parameters=(replace(quiet[0], model_error_sd=wider), *quiet[1:]))
+    for nats, sd, count in ((5.0, quiet[0].sd, 0), (0.01, 9.0, 2)):
+        unsure = replace(known, parameters=(replace(quiet[0], sd=sd), *quiet[1:]))
         undecided = replace(made, known=unsure, contenders=make_contenders(made.campaign, selection, nats))
         outcome = replace(undecided, first=made.next, promised=promised)
         outcome = replace(outcome, summary=summarise(outcome))
