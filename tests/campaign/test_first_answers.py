@@ -48,7 +48,9 @@ def test_the_mode_and_its_spread(tmp_path):
     assert "log evidence by Laplace" in answer.lines()[0]
     contents, cause = answer.lines()[1 + len(answer.rows) :]
     assert "stated inputs (inertia 5 %, scale of speed sensors 1 % and time of commands 0.5 sample)" in contents
-    assert cause.strip().startswith("X_uabsu and T_nabsn: most of the ± is from the stated inertia along X. Weigh the vehicle")
+    assert cause.strip().startswith(
+        "X_uabsu and T_nabsn: most of the ± is from the stated inertia along X. Weigh the vehicle"
+    )
 
 
 def test_a_report_after_the_mode_names_the_command_that_samples(tmp_path, monkeypatch):

@@ -12,7 +12,6 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store, StoredResult, write_dataset
 from seatrial.campaign.workflow.steps import TrialsKey
 from seatrial.core.dataset import Dataset
-from seatrial.core.findings import Finding
 from tests.campaign.small import write_small, write_summary
 
 MEAN = {
@@ -24,9 +23,6 @@ MEAN = {
     "current[1]": -0.3,
     "current[2]": 0.1,
 }
-
-
-CAUSE = Finding("main-error", "note", ("X_u",), {"effects": (("inertia", "X"),)}, ("weigh-vehicle",))
 
 
 def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(), wider=1.0) -> Path:
@@ -59,7 +55,7 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
         )
         key = estimate_key(campaign, structure, trials)
         StoredResult(Store(folder).posterior(structure.label), key, Estimate).write(
-            Estimate(structure, Dataset.of(data), alarms=tuple(alarms), cause_findings=(CAUSE,))
+            Estimate(structure, Dataset.of(data), alarms=tuple(alarms))
         )
     write_summary(folder, chosen=campaign.structures[0].label)
     return folder

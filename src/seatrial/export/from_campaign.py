@@ -38,7 +38,7 @@ from seatrial.export.vehicle import (
 )
 from seatrial.export.write import EXPORTERS, export_vehicle, make_exporter, of_catalogue
 from seatrial.manoeuvres.manoeuvre import Limits
-from seatrial.messages.render import sentence, sentences
+from seatrial.messages.render import sentences
 from seatrial.sampling.run import Draws
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
@@ -181,7 +181,6 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         ),
         (
             *estimate.alarms,
-            *(sentence(one) for one in estimate.cause_findings),
             *(
                 f"{name} = {x:.4g} was found and is not in this export"
                 for name, x in beside.items()

@@ -79,8 +79,8 @@ def _missing(values: Mapping[str, Any]) -> str:
     ((kind, _),) = values["effects"]
     missing = f"{effect_names(values['effects'])}{MEASURES.get(kind, ' of about')} {size}"
     return (
-        f"the model lacks {missing}{alike}: with it {{subject[0]}} would move by {abs(values['shift']):.2g} of its standard deviations, so "
-        "the stated uncertainty is too small"
+        f"the model lacks {missing}{alike}: with it {{subject[0]}} would move by {abs(values['shift']):.2g} standard deviations of noise, "
+        "which its ± contains"
     )
 
 
@@ -119,7 +119,7 @@ ENTRIES = {
     "effect-missing": Entry(
         title="Missing effect",
         sentence=_missing,
-        meaning="A coefficient takes the place of the missing effect, which its ± does not contain.",
+        meaning="A coefficient takes the place of the missing effect: its ± contains the error, and its value is off.",
         decided="Each effect is fitted to the residuals about the mode: log odds above {MIN_LOG_ODDS:g} (20 to 1), and a coefficient that "
         "moves by more than {MIN_SHIFT:g} standard deviation.",
         example=Finding("effect-missing", "caution", ("X_u",), _EXAMPLE, ("actuator-lag", "delay-of-actuators")),

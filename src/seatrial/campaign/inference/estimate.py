@@ -13,7 +13,14 @@ from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import EstimationTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.model_error import causes_of, findings_of, left_out, stated_errors, tried_effects
+from seatrial.campaign.inference.model_error import (
+    causes_of,
+    contradictions,
+    findings_of,
+    left_out,
+    stated_errors,
+    tried_effects,
+)
 from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
 from seatrial.campaign.inference.posterior import is_whole, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey
@@ -222,6 +229,7 @@ def _estimate(
     flat = values.reshape(-1, len(names))
     known = identifiability_of_fit(posterior, mode, flat, at)
     cautions = [*doubts, *identifiability_cautions(known), *prior_findings(posterior, mode, flat)]
+    cautions += contradictions(budget, stated)
     prior_value, prior_density = zip(*prior_curves(posterior).values(), strict=True)
     per_parameter = {
         "mode": mode.values,
@@ -266,7 +274,7 @@ def _estimate(
         left_out=missing,
         contains=contents_text(budget, stated),
         causes=causes_of(budget, within),
-        cause_findings=tuple(findings_of(posterior, budget, stated)),
+        cause_findings=tuple(findings_of(posterior, budget)),
         tried_effects=tried_effects(budget),
     )
 

@@ -73,7 +73,7 @@ def causes_of(budget: ErrorBudget, within: Mapping[str, float]) -> dict[str, str
         within: standard deviation of each parameter within the model.
     """
     only = "; as far as its prior reaches: nothing narrows it"
-    causes = {name: effect_names(_plain(budget.cause(name))) for name in _uncertain(budget)}
+    causes = {name: effect_names(_plain(budget.cause(name)[:1])) for name in _uncertain(budget)}
     return {
         name: (cause or SLOW_RESIDUALS) + only * budget.is_prior(name, within[name]) for name, cause in causes.items()
     }
@@ -85,24 +85,28 @@ def stated_errors(table: EstimationTable) -> StatedErrors:
     return StatedErrors(*(0.0 if one == "exact" else one for one in stated))
 
 
-def findings_of(posterior: Posterior, budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
-    """Return what adds most to the ± of which parameters and how to reduce it, and which stated inputs the data contradict."""
+def findings_of(posterior: Posterior, budget: ErrorBudget) -> list[Finding]:
+    """Return what adds most to the ± of which parameters, and how to reduce it."""
     groups: dict[tuple, list[str]] = {}
     for name in _uncertain(budget):
-        effects = budget.cause(name)
+        effects = sorted(budget.cause(name), key=lambda one: (one.kind, one.of))
         remedies = remedies_of(posterior, effects) if effects else ("better-noise",)
         groups.setdefault((_plain(effects), remedies), []).append(name)
-    largest = [
+    return [
         Finding("main-error", "note", tuple(names), {"effects": effects}, remedies)
         for (effects, remedies), names in groups.items()
     ]
-    contradicted = []
+
+
+def contradictions(budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
+    """Return which stated inputs the data contradict."""
+    result = []
     for effect, (size, sd) in budget.stated.items():
         one = float(getattr(stated, effect.kind))
         if abs(size) > MIN_CONTRADICTION:
             values = {"effects": _plain([effect]), "size": size * one, "sd": sd * one, "stated": one}
-            contradicted.append(Finding("input-contradicted", "caution", (), values, REMEDIES[effect.kind]))
-    return largest + contradicted
+            result.append(Finding("input-contradicted", "caution", (), values, REMEDIES[effect.kind]))
+    return result
 
 
 def _uncertain(budget: ErrorBudget) -> list[str]:
