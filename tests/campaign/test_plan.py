@@ -8,12 +8,16 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.stats import binom
 
+import seatrial as st
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.design.plan import goal_of, plan_trials
+from seatrial.campaign.config.schema import Goal
+from seatrial.campaign.design.plan import goal_of, plan_trials, stated_share
 from seatrial.campaign.design.problem import plan_of, prior_draws
 from seatrial.campaign.rehearsal.run import known_after
 from seatrial.campaign.rehearsal.vehicles import Vehicle, run_trial
 from seatrial.core.errors import InputError
+from seatrial.estimation.diagnostics.error_budget import EXACT, error_budget
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.designs import plan_lines
 from tests.campaign.small import write_small
@@ -26,12 +30,14 @@ POSSIBLE = (
     ('always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]', 'always = ["X_u", "X_uabsu", "T_nabsn"]'),
 )
 """Vehicles none of which runs away."""
+TRUE = {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": 6.28e-4}
 POWER = '[power]\nhotel = "20 W"\npropulsion = "60 W"\nat = "1500 rpm"\n'
+INPUTS = "[estimation]", '[estimation]\ninertia_error = "exact"\nscale_error = "exact"'
 TRUTH = ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4\n", "")
 
 
 def campaign(folder, goal="sd = { X_u = 0.1 }\ntrials = 20", plan="", *others):
-    write_small(folder, *POSSIBLE, *others)
+    write_small(folder, *POSSIBLE, *others, INPUTS)
     file = folder / "campaign.toml"
     file.write_text(f"{file.read_text()}\n[goal]\n{goal}\n" + (f"[plan]\n{plan}\n" if plan else ""))
     return load_campaign(folder)
@@ -90,6 +96,28 @@ def test_what_no_day_allows_is_refused(tmp_path, plan, message):
         campaign(tmp_path, plan=plan)
 
 
+def test_a_goal_is_for_the_noise_what_errors_of_stated_inputs_leave(tmp_path):
+    """Those of a coefficient are what an estimate from hardly any noise has; a goal below them is refused."""
+    asked = load_campaign(write_small(tmp_path, *POSSIBLE))
+    model, random = asked.model(asked.full), np.random.default_rng(0)
+    time = np.arange(0.0, 60.0, 0.1)
+    n = 125.0 + np.repeat(random.choice([-30.0, 30.0], time.size // 50), 50)
+    record = st.simulate(model, TRUE | {"sigma_u": 1e-3}, st.Schedule(time, {"n": n}), ["u"], start={"u": 1.5})
+    wide = {name: st.Normal(value, abs(value)) for name, value in TRUE.items()}
+    posterior = st.make_posterior(model, record, wide | {"sigma_u": st.LogUniform(1e-4, 0.1)}, ["u"], start={"u": 1.5})
+    mode = st.find_mode(posterior, 1)
+    without, whole = (error_budget(posterior, mode, one) for one in (EXACT, StatedErrors(clock=0.0)))
+    for name, value in TRUE.items():
+        within = float(mode.sd[mode.names.index(name)])
+        stated = np.sqrt(whole.sd(name, within) ** 2 - without.sd(name, within) ** 2)
+        assert stated == pytest.approx(stated_share(asked, model, name) * abs(value), rel=0.05)
+    shares = {"X_u": 0.13, "X_uabsu": 0.1}
+    left = goal_of(replace(asked, goal=Goal(shares)))
+    assert left.shares == pytest.approx({"X_u": 0.12, "X_uabsu": (0.01 - 0.0026) ** 0.5})
+    with pytest.raises(InputError, match=r"5 %, of which errors of stated inputs take 5 %"):
+        goal_of(replace(asked, goal=Goal({"X_u": 0.05})))
+
+
 def test_without_a_goal_there_is_nothing_to_plan(tmp_path):
     with pytest.raises(InputError, match=r"goal.sd"):
         plan_trials(campaign(tmp_path, "trials = 3"))
@@ -115,7 +143,7 @@ def test_the_promised_share_of_vehicles_meets_the_goals(tmp_path):
         ]
         estimate, cov = known_after(asked, records, len(records))
         told = {name: (estimate[i], float(np.sqrt(cov[i, i]))) for i, name in enumerate(names)}
-        met += not goal_of(asked.goal, asked.model(asked.full), asked.where).unmet(told)
+        met += not goal_of(asked).unmet(told)
     assert_inside(met, vehicles, found)
 
 
@@ -170,6 +198,10 @@ active = "30 s"
 sample_time = "0.2 s"
 amplitude = { from = "100 rpm", to = "250 rpm", points = 2 }
 period = { from = "6 s", to = "18 s", points = 2 }
+
+[estimation]
+inertia_error = "exact"
+scale_error = "exact"
 
 [goal]
 sd = { X_uabsu = "3 %", N_uv = "6 %", N_ur = "6 %", M_uw = "6 %" }
@@ -235,7 +267,7 @@ def test_the_promised_share_holds_for_stages_that_take_the_earlier_ones_as_known
             spread = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac))) * sd[free]
             known = values(fit.x)
             told |= {name: (known[i], one) for name, i, one in zip(stage.sought, free, spread, strict=True)}
-        met += not goal_of(asked.goal, asked.model(asked.full), asked.where).unmet(told)
+        met += not goal_of(asked).unmet(told)
     assert_inside(met, vehicles, found)
 
 

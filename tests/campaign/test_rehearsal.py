@@ -23,12 +23,13 @@ from tests.cli.test_cli import results, run
 pytestmark = pytest.mark.proof
 
 VEHICLES = 3
+EXACT = "[estimation]", '[estimation]\ninertia_error = "exact"\nscale_error = "exact"'
 GOAL = ("[truth]", '[goal]\nsd = { X_uabsu = "2.5 %", T_nabsn = "2.5 %" }\ntrials = 3\n\n[truth]')
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    return load_campaign(write_small(tmp_path_factory.mktemp("rehearsal") / "small", *NO_X_U, GOAL))
+    return load_campaign(write_small(tmp_path_factory.mktemp("rehearsal") / "small", *NO_X_U, EXACT, GOAL))
 
 
 @pytest.fixture(scope="module")

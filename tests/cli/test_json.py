@@ -127,7 +127,8 @@ def test_a_campaign_says_what_its_lines_say(ask, tmp_path):
 
 
 def test_a_plan_is_of_the_trials_that_remain(ask, tmp_path):
-    folder = write_small(tmp_path / "small", *NO_X_U)
+    exact = "[estimation]", '[estimation]\ninertia_error = "exact"\nscale_error = "exact"'
+    folder = write_small(tmp_path / "small", *NO_X_U, exact)
     file = folder / "campaign.toml"
     file.write_text(f'{file.read_text()}\n[goal]\nsd = {{ X_uabsu = 0.07 }}\ntrials = 9\n[plan]\ntime = "10 min"\n')
     before = ask("plan", folder)[0]["result"]

@@ -5,8 +5,11 @@ from functools import partial
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
+import numpy as np
+
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.design_table import OwnSchedule
+from seatrial.campaign.design.plan import stated_share
 from seatrial.campaign.design.problem import believed_after, design_problem
 from seatrial.campaign.design.residual_noise import with_residual_noise
 from seatrial.campaign.design.schedule import write_own
@@ -171,10 +174,14 @@ def sensor_table(campaign: Campaign, reporter: Reporter = SILENT) -> SensorCompa
         NumericalError: the motion diverges at a draw of the priors.
     """
     table = design_trial(design_problem(campaign), SensorSearch(), partial(design_first, campaign, reporter), reporter)
-    goal = campaign.goal
+    goal, model = campaign.goal, campaign.model(campaign.full)
     if goal is None or not (goal.shares or goal.sds):
         return table
-    known = [dict(zip(table.names, zip(table.mean, worth.sd, strict=True), strict=True)) for _, worth in table.rows]
+    stated = np.array([stated_share(campaign, model, name) for name in table.names]) * np.abs(table.mean)
+    known = [
+        dict(zip(table.names, zip(table.mean, np.hypot(worth.sd, stated), strict=True), strict=True))
+        for _, worth in table.rows
+    ]
     return replace(table, meets=tuple(not goal.unmet(one) for one in known))
 
 

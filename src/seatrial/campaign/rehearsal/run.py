@@ -222,7 +222,7 @@ def rehearse(campaign: Campaign, vehicles: int, reporter: Reporter = SILENT) -> 
     check_whole_trials(campaign.design.per, campaign.where, "a rehearsal", joules=True)
     if any(name.startswith(disturbance_name("")) for name in campaign.priors):
         campaign.check_no_autopilot("a rehearsal of disturbances")
-    goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
+    goal = goal_of(campaign)
     if vehicles < MIN_VEHICLES:
         raise InputError(
             "rehearsal", found=f"{vehicles} vehicles", expected=f"{MIN_VEHICLES} at least", remedy="ask for more"
@@ -274,7 +274,7 @@ def stored_rehearsal(campaign: Campaign) -> StoredResult[Rehearsal]:
 
 def rehearsal_key(campaign: Campaign) -> str:
     """Key of a rehearsal of any number of vehicles."""
-    goal = goal_of(campaign.goal, campaign.model(campaign.full), campaign.where)
+    goal = goal_of(campaign)
     return key_of(
         "rehearsal",
         design_key(campaign),
