@@ -171,6 +171,7 @@ def test_a_log_for_which_nothing_was_designed_is_fitted_and_the_next_trial_desig
     Store(folder).design.unlink()
 
 
+@pytest.mark.proof
 def test_what_was_found_is_kept_where_no_next_trial_is_allowed(log_folder, monkeypatch, capsys):
     """No trial of 30 s stays within a metre: an alarm for who asks which trial is next, unless the goal is met without one."""
     with (log_folder / "campaign.toml").open("a") as file:

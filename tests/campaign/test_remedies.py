@@ -350,6 +350,7 @@ def test_a_control_that_changes_at_each_sample_is_measured_or_a_command(tmp_path
         assert "record" not in [one for one, *_ in doubts(tmp_path, text, log)]
 
 
+@pytest.mark.proof
 def test_a_velocity_that_is_given_needs_no_sensor(tmp_path):
     """Neither remedy of an unused channel can be followed for it: it has no sensor, and the model needs its column."""
     folder = write_yaw(tmp_path / "yaw")

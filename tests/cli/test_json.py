@@ -126,6 +126,7 @@ def test_a_campaign_says_what_its_lines_say(ask, tmp_path):
     assert checked[0]["label"] == record["label"]
 
 
+@pytest.mark.proof
 def test_a_plan_is_of_the_trials_that_remain(ask, tmp_path):
     exact = "[estimation]", '[estimation]\ninertia_error = "exact"\nscale_error = "exact"'
     folder = write_small(tmp_path / "small", *NO_X_U, exact)

@@ -544,6 +544,7 @@ print(*programs.counts()[:2], float(found["log"]).hex(), np.asarray(found["root"
 """
 
 
+@pytest.mark.proof
 def test_another_process_finds_it_until_a_file_is_changed(tmp_path):
     """The seed of Python's hashes differs from process to process; the keys do not."""
     (tmp_path / "toy").mkdir()

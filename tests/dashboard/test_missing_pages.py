@@ -13,6 +13,7 @@ from tests.dashboard.served import served
 BACK = '<a href="/">Back to the campaigns</a>'
 
 
+@pytest.mark.proof
 def test_where_there_is_nothing_a_page_says_so_and_leads_back(tmp_path):
     write_small(tmp_path / "served" / "boat")
     with served(tmp_path / "served") as (address, _):

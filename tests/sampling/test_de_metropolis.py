@@ -13,6 +13,7 @@ from tests.estimation_cases import posterior
 KEY = jax.random.key(3)
 
 
+@pytest.mark.proof
 def test_two_modes_far_apart_get_their_shares():
     """0.3 N(-6, 1) + 0.7 N(6, 1): starts lie half and half, and only steps from mode to mode can set the shares right."""
 
