@@ -11,14 +11,15 @@ from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.judge_predictions import (
+    _fitted,
     _predict,
     _setting,
     _unseen,
+    disowned,
     fit_complaints,
     held_back_alarms,
     held_back_cautions,
     predict_held_back,
-    residual_doubt,
 )
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.filters.extended import extended_filter
@@ -78,7 +79,7 @@ def test_a_right_model_passes_and_is_no_alarm(known):
 
 def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(known):
     """White 0.05 with slow 0.017 m/s over 5 s in runs of 10 s: one alone is no finding, eight are; white runs are none."""
-    campaign, trials, drawn = known
+    campaign, _, drawn = known
     rng, white, both = np.random.default_rng(146), [], []
     for at in range(8):
         record, slow = run(known, str(at), WAVE, 20 + at, samples=100), [rng.normal()]
@@ -86,9 +87,13 @@ def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(kno
             slow.append(np.exp(-0.02) * slow[-1] + np.sqrt(1 - np.exp(-0.04)) * normal)
         white.append(record)
         both.append(replace(record, measurement=record.measurement + 0.017 * np.array(slow)[:, None]))
-    assert residual_doubt(campaign, drawn, replace(trials, fit=tuple(white))) == ""
-    assert [residual_doubt(campaign, drawn, replace(trials, fit=(one,))) for one in both[:3]] == [""] * 3
-    said = residual_doubt(campaign, drawn, replace(trials, fit=tuple(both)))
+
+    def doubt(records):
+        return disowned(_fitted(_setting(campaign), [_predict(campaign, drawn, record) for record in records]))
+
+    assert doubt(white) == ""
+    assert [doubt([one]) for one in both[:3]] == [""] * 3
+    said = doubt(both)
     assert "residuals of u are correlated (" in said
     assert "; likewise " in said
     assert 'Set estimation.residuals = "drifting"' in said

@@ -14,14 +14,12 @@ from seatrial.campaign.data import simulate as simulated
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import Chosen, add_trial, later_trials
 from seatrial.campaign.workflow import loop as sequence
-from seatrial.campaign.workflow.loop import run_sequence, summarise
+from seatrial.campaign.workflow.loop import run_sequence
 from seatrial.campaign.workflow.next_trial import Proposal, propose, settling
 from seatrial.core.errors import InputError
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.messages.catalogue import ENTRIES
-from seatrial.messages.structures import IF_NOISE, undecided_words
 from seatrial.report.sections.summary import answer, summary_section
-from seatrial.selection.verdict import OTHER_NOISE_VERDICT, select
 from tests.campaign.small import SMALL
 from tests.report.outcomes import make_outcome, make_pooled
 
@@ -155,31 +153,6 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     little = replace(outcome.next.best, gain=outcome.next.best.gain * 1e-3)
     quiet = replace(outcome, next=replace(outcome.next, sweeps=(little,)), contenders=None)
     assert "would give little information" in propose(quiet).lines[-1]
-
-
-def test_residuals_that_contradict_the_noise_are_an_alarm_wherever_a_probability_is_printed(tmp_path):
-    """In the summary that the report, the dashboard and Compare draw, in the next trial, in the headline and in the printed objects."""
-    outcome = make_outcome(tmp_path)
-    chosen, optional = outcome.selection, tuple(outcome.selection.inclusion)
-    doubted = select(chosen.structures, chosen.evidences, optional, residuals="run 1: so slow; do")
-    alone = select(chosen.structures[:1], chosen.evidences[:1], (), residuals="run 1: so slow; do")
-    assert alone.alarms == ()
-    alarm = "the probabilities of models and terms mean nothing: run 1: so slow; do"
-    assert doubted.alarms[0] == alarm
-    assert not doubted.is_reliable
-    assert not doubted.is_settled
-    assert doubted.verdicts[-1] == OTHER_NOISE_VERDICT
-    assert alarm in repr(doubted)
-    assert undecided_words(doubted).endswith(IF_NOISE)
-    found = replace(outcome, selection=doubted)
-    summary = summarise(found)
-    assert alarm in summary.alarms
-    assert alarm in summary.choice_alarms
-    assert summary.usable
-    assert f"with probability {max(doubted.probability):.2f}{IF_NOISE}" in propose(found).standing[0]
-    assert propose(found).quoted == alarm
-    assert "The choice of the model is not reliable" in answer(found)
-    assert alarm not in summarise(outcome).alarms
 
 
 def test_what_is_missing_stands_in_place_of_stop(tmp_path):

@@ -279,7 +279,7 @@ def test_a_set_of_sources_has_the_density_and_values_of_the_dense_normal():
     force = next(i for i, one in enumerate(at.sources) if one.effect.of == "X_u3")
     smooth = next(i for i, one in enumerate(at.sources) if one.effect.kind == "smooth force")
     sets = [{}, {force: Option(0.0, 0.3, 0.0)}, {force: Option(0.1, 0.1, 0.0), smooth: Option(0.0, 0.05, 0.0)}]
-    members = [model.member(one) for one in sets]
+    members = model.members(sets)
     (rows,) = linearise(posterior, at)
     rows = rows[0, np.asarray(posterior.data.channels[0].present)[0] > 0]
     y, slopes = rows[:, 0], rows[:, 1:]

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -258,33 +257,3 @@ def test_constants_are_those_that_the_vehicle_was_built_with():
     np.testing.assert_array_equal(same.channel("u"), without.channel("u"))
     with pytest.raises(st.InputError, match="which the vehicle was built with"):
         st.simulate(MODEL, given | {"X_udot": -0.94}, SCHEDULE, ["u"], start=START)
-
-
-@pytest.mark.proof
-def test_compare_says_that_a_slow_error_was_taken_as_white_and_its_remedy_works(monkeypatch):
-    """Evidences are given. White 0.1 with slow 0.03 m/s over 5 s at 10 Hz, of which the neighbours' correlation is 0.08."""
-    from seatrial.selection import compare
-
-    given = [st.Evidence(value, 0.01, "given") for value in (5.0, 0.0, 5.0, 0.0)]
-    monkeypatch.setattr(compare, "run_schedule", lambda *_: None)
-    monkeypatch.setattr(compare.EvidenceSchedule, "evidence", lambda _: given.pop(0))
-    time, rng = 0.1 * np.arange(3000), np.random.default_rng(4)
-    schedule = st.Schedule(time, {"n": np.repeat(rng.uniform(800, 1400, 60), 50) * RPM})
-    white = st.simulate(MODEL, TRUTH | {"sigma_u": 0.1}, schedule, ["u"], start=START, key=2)
-    slow = np.zeros(time.size)
-    for k in range(1, time.size):
-        slow[k] = np.exp(-0.02) * slow[k - 1] + np.sqrt(1 - np.exp(-0.04)) * rng.normal()
-    both = replace(white, measurement=white.measurement + 0.03 * slow[:, None])
-    models = {name: VEHICLE.build(free=free) for name, free in (("with", [*TERMS, "X_u"]), ("without", TERMS))}
-
-    def alarms(noise, **priors):
-        of = {}
-        for name, model in models.items():
-            known = {key: prior for key, prior in (PRIORS | priors).items() if key != "X_u" or name == "with"}
-            of[name] = st.make_posterior(model, both, known, [st.Sensor("u", noise=noise)], start=START)
-        return st.compare(of).alarms
-
-    (said,) = alarms("white")
-    assert "the probabilities of models and terms mean nothing: residuals of u are correlated" in said
-    assert 'give the sensor noise="drifting"' in said
-    assert alarms("drifting", drift_u=st.LogUniform(1e-3, 0.1), drift_time_u=st.LogUniform(0.1, 300.0)) == ()

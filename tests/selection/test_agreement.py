@@ -164,8 +164,8 @@ def test_pieces_follow_what_is_known():
     ("weighed", "repeat", "is_hopeless"),
     [
         (Evidence(-60.0, 0.01, "importance"), -55.0, True),
-        (Evidence(-60.0, 0.01, "importance"), -49.0, False),
-        (Evidence(-49.0, 0.01, "importance"), -60.0, False),
+        (Evidence(-60.0, 0.01, "importance"), -11.0, False),
+        (Evidence(-11.0, 0.01, "importance"), -60.0, False),
         (Evidence(-60.0, 0.01, "importance", {}, "k-hat"), -60.0, False),
         (None, -60.0, False),
     ],

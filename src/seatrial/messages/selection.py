@@ -14,13 +14,25 @@ def thresholds() -> dict[str, float]:
 ENTRIES = {
     "evidence-check-blunt": Entry(
         title="Check of an evidence too blunt",
-        sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by less than its check resolves, "
+        sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by {needed:.2g} nat; its check resolves "
         "{resolution:.2g} nat",
         meaning="A second method confirms the evidence, but with a larger error than the verdict allows.",
         decided="The probability of a term passes from one verdict to another within {MAX_JOINT_ERRORS:g} joint errors of the two methods.",
         example=Finding(
-            "evidence-check-blunt", "caution", ("X_u",), {"label": "M-1", "resolution": 0.8}, ("sharpen-evidence",)
+            "evidence-check-blunt",
+            "caution",
+            ("X_u",),
+            {"label": "M-1", "resolution": 0.8, "needed": 0.4},
+            ("sharpen-evidence",),
         ),
+    ),
+    "evidence-within-model": Entry(
+        title="Probabilities within the model",
+        sentence="the probabilities of models and terms hold only if the noise and everything stated are right",
+        meaning="Evidences with every error need output error and records: with process noise, and of a density of one's own, they are "
+        "those within the model. A slow error of a sensor, a wrong mass or a lag can then look like a term.",
+        decided="The evidence with every error is not known for these models.",
+        example=Finding("evidence-within-model", "caution"),
     ),
 }
 REMEDIES = {

@@ -18,7 +18,6 @@ QUOTED = {
 # What helps where an evidence is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
 IF_RELIABLE = ", if the evidences were reliable"  # What a probability needs that depends on one
-IF_NOISE = ", if the residuals were the noise that is modelled"  # What a probability needs where they are not
 SHOWN = 5  # Structures of a screening that are listed
 ENOUGH = 3.0  # Expected log Bayes factor, nats, that decides: odds of twenty to one
 
@@ -106,8 +105,6 @@ def trial_words(contenders: Contenders, selection: Selection) -> str:
     best, runner = contenders.labels
     if selection.is_settled:
         return f"these data have decided between {best} and {runner}; no trial is needed for that"
-    if selection.residuals:
-        return f"whether these data decide between {best} and {runner} cannot be said before the noise is right"
     if not selection.is_reliable:
         what = f"whether these data decide between {best} and {runner}"
         return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
@@ -122,7 +119,7 @@ def trial_words(contenders: Contenders, selection: Selection) -> str:
 
 def condition_of(selection: Selection) -> str:
     """Say under which condition the probabilities hold; empty where nothing speaks against them."""
-    return IF_NOISE if selection.residuals else "" if selection.is_reliable else IF_RELIABLE
+    return "" if selection.is_reliable else IF_RELIABLE
 
 
 def undecided_words(selection: Selection) -> str:
@@ -134,8 +131,8 @@ def undecided_words(selection: Selection) -> str:
     return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
 
 
-def agreement_words(evidence: Evidence) -> str:
-    """Which methods gave this evidence, which of them agree, and what is known of the others."""
+def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
+    """Which methods gave this evidence, which of them agree, what is known of the others, and which difference, nats, a verdict needs."""
     table = evidence.diagnostics["methods"]
     if len(table) == 1 and not evidence.status:
         why = evidence.diagnostics["notes"] or ["there is no other structure to compare with"]
@@ -152,7 +149,10 @@ def agreement_words(evidence: Evidence) -> str:
         if agree
         else "which no other method confirms"
     )
-    return "; ".join([sentence, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])])
+    needs = [f"a verdict changes if it is wrong by {needed:.2g} nat"] if needed is not None else []
+    return "; ".join(
+        [sentence, *needs, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])]
+    )
 
 
 def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:

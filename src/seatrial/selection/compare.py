@@ -1,28 +1,24 @@
 """Compare posteriors of the same data by their evidences."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from seatrial.core.argument_checks import check_kind, check_mapping
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
+from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.posterior.mode import Mode, higher_mode
-from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
-from seatrial.estimation.posterior.replicate import motions
-from seatrial.estimation.prediction.fit_verdict import LIKELY as LIKELY_CORRELATED
-from seatrial.estimation.prediction.fit_verdict import UNDERSTATED
-from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
-from seatrial.estimation.prediction.prediction_scores import integrated_correlation, new_residuals
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Selection, blunt_deciders, select
+from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select
 
 
 def compare(
@@ -30,14 +26,16 @@ def compare(
     settings: EvidenceSettings = EvidenceSettings(),
     key: jax.Array | int = 0,
     progress: Progress = no_progress,
+    stated: StatedErrors = StatedErrors(),
 ) -> Selection:
-    """Compare posteriors of the same data by their evidences, equally probable before.
+    """Compare posteriors of the same data by their evidences with every error, equally probable before.
 
     Args:
         posteriors: by label. A parameter that some have and others lack is a term in question.
         settings: of each evidence.
         key: random key, or a seed.
         progress: called with the evidences that are there, and how many there will be.
+        stated: standard deviations of the inertia, of the scales of sensors and of the clock, which no residual shows.
 
     Returns:
         the probability of each, that of each term in question, and both in words.
@@ -61,46 +59,40 @@ def compare(
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
-    evidences, keys = [], [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
-    modes = _exchanged([*posteriors.values()], keys)
+    keys = [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
+    own_posteriors = [*posteriors.values()]
+    modes = _exchanged(own_posteriors, keys)
     schedules = [EvidenceSchedule(settings.repeats, mode) for mode in modes]
-    for posterior, schedule, own in zip(posteriors.values(), schedules, keys, strict=True):
-        run_schedule(posterior, schedule, own, settings)
-        evidences.append(schedule.evidence())
-        progress(len(evidences), len(posteriors))
+    for done, each in enumerate(zip(own_posteriors, schedules, keys, strict=True), 1):
+        run_schedule(*each, settings)
+        progress(done, len(posteriors))
+    gains = evidence_gains(own_posteriors, modes, stated)
+    evidences = with_gains([one.evidence() for one in schedules], gains)
     for index in blunt_deciders(structures, evidences, optional):
         if schedules[index].sharpen():
-            run_schedule([*posteriors.values()][index], schedules[index], keys[index], settings)
-            evidences[index] = schedules[index].evidence()
-    best = max(range(len(evidences)), key=lambda index: evidences[index].log_value)
-    residuals = _residual_doubt([*posteriors.values()][best], modes[best], as_key(key))
-    return select(structures, evidences, optional, residuals=residuals)
+            run_schedule(own_posteriors[index], schedules[index], keys[index], settings)
+    return select(structures, with_gains([one.evidence() for one in schedules], gains), optional)
 
 
-def _residual_doubt(posterior: Posterior, mode: Mode | None, key: jax.Array) -> str:
-    """Say why the residuals of a posterior of records, at its mode, are not the noise that is modelled; empty where they may be.
+def evidence_gains(
+    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], stated: StatedErrors
+) -> list[float] | None:
+    """Return by how much each log evidence is larger with every error than within the model, nats; None where it is not known.
 
-    Those of filter error are not looked at: process noise correlates a simulation also where it is right.
+    Args:
+        posteriors: of the same data.
+        modes: of each; None where none was found.
+        stated: standard deviations of what no residual shows.
     """
-    likelihood, data = posterior.likelihood, posterior.data
-    if mode is None or not isinstance(likelihood, OutputError):
-        return ""
-    values = {name: jnp.asarray(value) for name, value in zip(mode.names, mode.values, strict=True)}
-    shown = np.asarray(motions(likelihood, values, data, key))
-    for column, sensor in enumerate(likelihood.simulator.sensors):
-        sd, slow, runs = float(noise_sd(sensor, values)), slow_noise(sensor, values), []
-        for trial in range(len(likelihood.labels)):
-            time, measured = _measured(posterior, trial, sensor.channel)
-            is_present = np.asarray(data.channels[column].present[trial]) > 0
-            runs.append((time, new_residuals(time, (measured - shown[trial, is_present, column]) / sd, slow)))
-        correlation = integrated_correlation(runs)
-        if correlation.p_value < LIKELY_CORRELATED and correlation.sd_factor > UNDERSTATED:
-            remedy = "look for a missing term" if sensor.noise == "drifting" else 'give the sensor noise="drifting"'
-            return (
-                f"residuals of {sensor.channel} are correlated, and the stated standard deviations are too small, by a factor of "
-                f"about {correlation.sd_factor:.1f}; {remedy}"
-            )
-    return ""
+    known = [mode for mode in modes if mode is not None]
+    return log_evidence_gains(posteriors, known, stated) if len(known) == len(posteriors) else None
+
+
+def with_gains(evidences: Sequence[Evidence], gains: Sequence[float] | None) -> list[Evidence]:
+    """Return evidences with what they are with every error; they say so where that is not known."""
+    if gains is None:
+        return [replace(one, diagnostics=one.diagnostics | {"within_model": True}) for one in evidences]
+    return [replace(one, with_errors=one.log_value + gain) for one, gain in zip(evidences, gains, strict=True)]
 
 
 def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:

@@ -41,8 +41,8 @@ from seatrial.selection.verdict import Evidence
 MAX_REPEATS = 4  # Repeats of tempered SMC, in multiples of those asked for
 # Error of tempered SMC, nats, down to which repeats are added if a verdict depends on less than it resolves.
 SHARP_ERROR = 0.1
-# Nats behind the best structure from which one is given up: it then has a probability below 1e-21.
-HOPELESS_DEFICIT = 50.0
+# Nats behind the best structure, with every error, from which one is given up: it then has a probability below 1e-5.
+HOPELESS_DEFICIT = 12.0
 # Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats if the data
 # tell 26. With 2 moves instead of 4, the usual size, it is 0.2 nats too low under wide priors (`wide regression` of
 # docs/evidence.py).
@@ -247,10 +247,19 @@ class EvidenceSchedule:
         low, high = sorted((importance.evidence.log_value, run.result.log_evidence))
         return low, high
 
-    def give_up(self, best: float) -> bool:
-        """Give up a structure that cannot be the best, for a lower bound of that one's log evidence; returns whether it is given up."""
-        is_hopeless = self.first is not None and self.first[1] < best - HOPELESS_DEFICIT
-        self.behind = best - self.first[1] if self.first is not None and is_hopeless else 0.0
+    def give_up(self, best: float, gain: float = 0.0) -> bool:
+        """Give up a structure that cannot be the best.
+
+        Args:
+            best: lower bound of the log evidence of the best one.
+            gain: of this one with every error, nats, where `best` is such an evidence.
+
+        Returns:
+            whether it is given up.
+        """
+        self.behind = 0.0
+        if self.first is not None and (behind := best - self.first[1] - gain) > HOPELESS_DEFICIT:
+            self.behind = behind
         return self.behind > 0.0
 
     def sharpen(self) -> bool:

@@ -1,7 +1,7 @@
 """From evidences to probabilities with their Monte Carlo error, and to words an engineer can act on; without JAX."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
 MAX_PROBABILITY_ERROR = 0.05  # Monte Carlo error of a probability above which a verdict near an edge is withheld
-# What is said of probabilities where the residuals are correlated.
-OTHER_NOISE_VERDICT = (
-    "these probabilities hold for the noise that is modelled, which the residuals contradict: correct the noise first"
-)
 
 
 @dataclass(frozen=True)
@@ -36,6 +32,7 @@ class Evidence:
         method: how it was computed.
         diagnostics: numbers that say whether to trust it.
         status: empty if healthy, else what is wrong in words.
+        with_errors: the log marginal likelihood with every error of sensors, stated inputs and model, nats; None where it is not known.
     """
 
     log_value: float
@@ -43,6 +40,12 @@ class Evidence:
     method: str
     diagnostics: dict[str, Any] = field(default_factory=dict)
     status: str = ""
+    with_errors: float | None = None
+
+    @property
+    def weighed(self) -> float:
+        """The value of which probabilities are made, nats: that with every error where it is known."""
+        return self.log_value if self.with_errors is None else self.with_errors
 
     @property
     def resolution(self) -> float | None:
@@ -50,11 +53,12 @@ class Evidence:
         return self.diagnostics.get("resolution")
 
     def summary(self) -> "DataFrame":
-        """Return a table of one row: log evidence and its standard error, nats, the difference that its check resolves, method, and
-        what is wrong with it."""
+        """Return a table of one row: log evidence within the model and its standard error, and with every error, nats, the difference
+        that its check resolves, method, and what is wrong with it."""
         from pandas import DataFrame
 
-        row = {"log_value": self.log_value, "std_error": self.std_error, "resolution": self.resolution}
+        row = {"log_value": self.log_value, "std_error": self.std_error, "with_errors": self.with_errors}
+        row |= {"resolution": self.resolution}
         row |= {"method": self.method, "status": self.status}
         return DataFrame([row], index=["evidence"])
 
@@ -77,16 +81,20 @@ class Evidence:
 
 @dataclass(frozen=True)
 class StructureRow:
-    """One candidate with its evidence, nats, and its probability; each with its Monte Carlo standard error.
+    """One candidate with its evidence within the model, nats, and its probability; each with its Monte Carlo standard error.
 
-    The resolution is the smallest difference, nats, that the check of the evidence would have noticed; none without a check.
+    The probability is made of the evidence with every error, where that is known. The resolution is the smallest difference, nats, that the
+    check of the evidence would have noticed, none without a check; needed is the smallest that would change a verdict, none if no
+    difference would.
     """
 
     label: str
     terms: tuple[str, ...]
     log_evidence: float
     log_evidence_error: float
+    log_evidence_with_errors: float | None
     log_evidence_resolution: float | None
+    log_evidence_needed: float | None
     probability: float
     probability_error: float
     method: str
@@ -127,15 +135,14 @@ class Selection:
     Attributes:
         structures: candidates.
         evidences: one for each.
-        probability: posterior probability of each structure, equal prior probabilities.
+        probability: posterior probability of each structure, equal prior probabilities; their sum is less than 1 by `outside`.
         probability_error: its Monte Carlo standard error.
-        inclusion: posterior probability of each optional term: among the candidates, or of the screening where these do not differ in it.
+        inclusion: posterior probability of each optional term, over all structures.
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
-        alarms: evidences that are not to be trusted and on which a probability depends, and residuals that contradict the noise.
-        residuals: why the residuals of the chosen structure are not the noise that all probabilities assume, and what to do; empty
-            where they may be.
+        alarms: evidences that are not to be trusted and on which a verdict depends.
+        outside: probability of all structures that a screening left out and that were not simulated.
     """
 
     structures: tuple[Structure, ...]
@@ -147,26 +154,35 @@ class Selection:
     chosen: int
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
-    residuals: str = ""
+    outside: float = 0.0
 
     @property
     def rows(self) -> tuple[StructureRow, ...]:
         """Each structure with its evidence and its probability."""
-        columns = (self.structures, self.evidences, self.probability, self.probability_error)
+        columns = (self.structures, self.evidences, self.probability, self.probability_error, self.needed)
         return tuple(
             StructureRow(
                 structure.label,
                 structure.terms,
                 evidence.log_value,
                 evidence.std_error,
+                evidence.with_errors,
                 evidence.resolution,
+                needed if np.isfinite(needed) else None,
                 float(probability),
                 float(error),
                 evidence.method,
                 evidence.status,
             )
-            for structure, evidence, probability, error in zip(*columns, strict=True)
+            for structure, evidence, probability, error, needed in zip(*columns, strict=True)
         )
+
+    @property
+    def needed(self) -> list[float]:
+        """By how much each evidence has to be wrong for a verdict to change, nats; infinite where none would."""
+        return [
+            min(own.values(), default=np.inf) for own in _needed(self.structures, self.evidences, [*self.inclusion])
+        ]
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -175,7 +191,7 @@ class Selection:
         return {
             term: p
             for term, p in self.inclusion.items()
-            if _is_noisy(p, self.inclusion_error[term]) or not _is_decided(p, self._reached(term))
+            if _is_noisy(p, self.inclusion_error[term]) or not _is_decided(p, self.reached(term))
         }
 
     @property
@@ -186,7 +202,11 @@ class Selection:
                 "evidence-check-blunt",
                 "caution",
                 tuple(terms),
-                {"label": self.structures[index].label, "resolution": self.evidences[index].resolution or 0.0},
+                {
+                    "label": self.structures[index].label,
+                    "resolution": self.evidences[index].resolution or 0.0,
+                    "needed": self.needed[index],
+                },
                 ("sharpen-evidence",),
             )
             for index, terms in blunt_deciders(self.structures, self.evidences, [*self.inclusion]).items()
@@ -196,12 +216,14 @@ class Selection:
             for structure, evidence in zip(self.structures, self.evidences, strict=True)
             for one in evidence.diagnostics.get("at_bounds", ())
         ]
+        within = [one for one in self.evidences if one.diagnostics.get("within_model")]
+        findings += [Finding("evidence-within-model", "caution")] if within and len(self.structures) > 1 else []
         labels = {one: ", ".join(label for other, label in at_bounds if other == one) for one, _ in at_bounds}
         return findings + [one.among(structure=of) for one, of in labels.items()]
 
     @property
     def is_reliable(self) -> bool:
-        """Whether the evidences, and the model of the noise, are good enough for the probability of the chosen structure."""
+        """Whether the evidences are good enough for the probability of the chosen structure."""
         return not self.alarms and not _is_noisy(
             float(self.probability[self.chosen]), float(self.probability_error[self.chosen])
         )
@@ -209,7 +231,7 @@ class Selection:
     @property
     def is_settled(self) -> bool:
         """Whether the chosen structure stays far above every other, also if one evidence that is in doubt or noisy is wrong."""
-        if self.residuals or (not self.alarms and not self.is_reliable):
+        if not self.alarms and not self.is_reliable:
             return False
         rest = np.arange(self.probability.size) != self.chosen
         shifted = [one for i, doubt in enumerate(self._doubts) for one in _shifted(self._logs, i, doubt)]
@@ -225,12 +247,15 @@ class Selection:
         """Whose values to quote: averaged ones if the structure is not decided and the probabilities can be relied on."""
         return "averaged" if self.is_reliable and not self.is_decided else "chosen"
 
-    def _reached(self, term: str) -> tuple[float, float]:
-        """Return between which the probability of a term may lie, see `_range`."""
+    def reached(self, term: str) -> tuple[float, float]:
+        """Return between which the probability of a term may lie if any one evidence in doubt is wrong."""
         member = np.array([term in structure.terms for structure in self.structures], float)
-        if np.ptp(member) == 0.0 or not any(self._doubts):  # of the screening alone, or where nothing is in doubt
+        if not any(self._doubts):
             return self.inclusion[term], self.inclusion[term]
-        return _range(self._logs, self._doubts, member)
+        rest = self.inclusion[term] - float(member @ self.probability)  # of structures that were not simulated
+        shifted = [one for index, doubt in enumerate(self._doubts) for one in _shifted(self._logs, index, doubt)]
+        each = [rest + (1.0 - self.outside) * float(member @ one) for one in shifted]
+        return min(each), max(each)
 
     @property
     def _logs(self) -> Float[np.ndarray, " m"]:
@@ -241,16 +266,17 @@ class Selection:
         return [_doubt(evidence) for evidence in self.evidences]
 
     def summary(self) -> "DataFrame":
-        """Return a table with a row for each structure, the most probable first: probability and log evidence, each with its
-        Monte Carlo standard error, log evidence less the best, and the terms."""
+        """Return a table with a row for each structure, the most probable first: probability and log evidence within
+        the model, each with its Monte Carlo standard error, log evidence with every error, that less the best, and the terms."""
         from pandas import DataFrame
 
-        logs = np.array([evidence.log_value for evidence in self.evidences])
+        logs = np.array([evidence.weighed for evidence in self.evidences])
         columns = {
             "probability": self.probability,
             "probability_error": self.probability_error,
-            "log_evidence": logs,
+            "log_evidence": [evidence.log_value for evidence in self.evidences],
             "log_evidence_error": [evidence.std_error for evidence in self.evidences],
+            "with_errors": [evidence.with_errors for evidence in self.evidences],
             "difference": logs - logs[self.chosen],
             "terms": [" ".join(structure.terms) for structure in self.structures],
         }
@@ -275,11 +301,11 @@ class Shortlist:
 
     Attributes:
         inclusion: probability of each optional term by the screening.
-        share: probability, by the screening, of all structures that are simulated.
+        probability: that of each structure that is simulated, by the screening.
     """
 
     inclusion: Mapping[str, float]
-    share: float
+    probability: Sequence[float]
 
 
 def select(
@@ -287,68 +313,64 @@ def select(
     evidences: Sequence[Evidence],
     optional: Sequence[str],
     shortlist: Shortlist | None = None,
-    residuals: str = "",
 ) -> Selection:
     """Compare structures of equal prior probability.
 
-    Monte Carlo errors are propagated to first order: d P_i = P_i (d log Z_i - sum_j P_j d log Z_j).
+    Monte Carlo errors are propagated to first order: d P_i = P_i (d log Z_i - sum_j P_j d log Z_j). Structures that a screening left out
+    keep the probability that it gives them; those that are simulated share the rest.
 
     Args:
         structures: candidates.
         evidences: one for each.
         optional: terms that are in question.
-        shortlist: where the candidates are what a screening left: its answer for terms in which they do not differ.
-        residuals: why those of the most probable structure are not the noise that is modelled; empty where they may be.
+        shortlist: where the candidates are what a screening left: its probabilities.
     """
-    logs = np.array([evidence.log_value for evidence in evidences])
+    logs = np.array([evidence.weighed for evidence in evidences])
     errors = np.array([evidence.std_error for evidence in evidences])
     weights = np.exp(logs - logs.max())
+    share = min(1.0, float(np.sum(shortlist.probability))) if shortlist else 1.0
     probability = weights / weights.sum()
-    jacobian = np.diag(probability) - np.outer(probability, probability)
+    jacobian = share * (np.diag(probability) - np.outer(probability, probability))
     has = {term: np.array([term in structure.terms for structure in structures], float) for term in optional}
-    inclusion = {term: min(1.0, float(member @ probability)) for term, member in has.items()}
+    inclusion = {term: min(1.0, share * float(member @ probability)) for term, member in has.items()}
     inclusion_error = {term: float(np.linalg.norm(member @ jacobian * errors)) for term, member in has.items()}
+    if shortlist:
+        inclusion = {
+            term: float(np.clip(p + shortlist.inclusion[term] - has[term] @ shortlist.probability, 0.0, 1.0))
+            for term, p in inclusion.items()
+        }
     screened = {term for term in optional if shortlist and len(set(has[term])) == 1}
     doubts = [_doubt(evidence) for evidence in evidences]
-    if shortlist:
-        inclusion |= {term: shortlist.inclusion[term] for term in screened}
+    selection = Selection(
+        tuple(structures),
+        tuple(evidences),
+        share * probability,
+        np.linalg.norm(jacobian * errors, axis=1),
+        inclusion,
+        inclusion_error,
+        int(np.argmax(probability)),
+        (),
+        (),
+        1.0 - share,
+    )
     verdicts = [
-        f"{'every' if has[term][0] else 'no'} simulated structure has {term}: by the screening its probability is {inclusion[term]:.2f}"
+        f"{'every' if has[term][0] else 'no'} simulated structure has {term}: with the screening its probability is {inclusion[term]:.2f}"
         if term in screened
-        else term_verdict(term, inclusion[term], inclusion_error[term], _range(logs, doubts, has[term]))
+        else term_verdict(term, inclusion[term], inclusion_error[term], selection.reached(term))
         for term in optional
     ]
     verdicts += pair_verdicts({term: member for term, member in has.items() if term not in screened}, probability)
     if shortlist:
         verdicts.append(
-            f"probabilities are among the {len(structures)} structures that were simulated, to which the screening gives "
-            f"{shortlist.share:.2f} of all; raise structure.shortlist to simulate more"
+            f"{len(structures)} structures were simulated; the others have a probability of {1.0 - share:.2f} by the screening, which "
+            "the probabilities of the terms include; raise structure.shortlist to simulate more"
         )
-    residuals = residuals if len(structures) > 1 else ""
-    return Selection(
-        tuple(structures),
-        tuple(evidences),
-        probability,
-        np.linalg.norm(jacobian * errors, axis=1),
-        inclusion,
-        inclusion_error,
-        int(np.argmax(probability)),
-        (*verdicts, *([OTHER_NOISE_VERDICT] if residuals else [])),
-        selection_alarms([structure.label for structure in structures], evidences, residuals),
-        residuals,
+    alarms = tuple(
+        f"the evidence of {structure.label} is not reliable: {evidence.status}; a verdict changes if it is wrong by {needed:.2g} nat"
+        for structure, evidence, doubt, needed in zip(structures, evidences, doubts, selection.needed, strict=True)
+        if doubt and doubt >= needed
     )
-
-
-def selection_alarms(labels: Sequence[str], evidences: Sequence[Evidence], residuals: str) -> tuple[str, ...]:
-    """Return a sentence about residuals that contradict the noise, and one about every evidence that is in doubt and could change a
-    probability, by the labels of the structures."""
-    noise = (f"the probabilities of models and terms mean nothing: {residuals}",) if residuals else ()
-    logs = np.array([evidence.log_value for evidence in evidences])
-    return noise + tuple(
-        f"the evidence of {label} is not reliable: {evidence.status}"
-        for index, (label, evidence) in enumerate(zip(labels, evidences, strict=True))
-        if _decides(logs, index, _doubt(evidence))
-    )
+    return replace(selection, verdicts=tuple(verdicts), alarms=alarms)
 
 
 def blunt_deciders(
@@ -361,15 +383,37 @@ def blunt_deciders(
         evidences: one for each.
         optional: terms that are in question.
     """
-    logs = np.array([evidence.log_value for evidence in evidences])
-    undecided: dict[int, list[str]] = {}
-    for index, evidence in enumerate(evidences):
-        doubts = [(evidence.resolution or 0.0) * (index == place) for place in range(len(evidences))]
-        for term in optional:
-            low, high = _range(logs, doubts, np.array([term in one.terms for one in structures], float))
-            if np.searchsorted(EDGES, low) != np.searchsorted(EDGES, high):
-                undecided.setdefault(index, []).append(term)
-    return undecided
+    blunt = {
+        index: [term for term, nats in own.items() if term and nats <= (evidence.resolution or 0.0)]
+        for index, (own, evidence) in enumerate(zip(_needed(structures, evidences, optional), evidences, strict=True))
+    }
+    return {index: terms for index, terms in blunt.items() if terms}
+
+
+def _needed(
+    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+) -> list[dict[str, float]]:
+    """Return by how much each evidence has to be wrong for the verdict on a term to change, nats, by the terms where one would; and
+    under "" for the most probable structure to be settled, or no longer.
+
+    With x = P_i exp(shift), the probability of a term of members m is (a + m_i x) / (1 - P_i + x), a that of its other members: an edge
+    is reached at x = (edge (1 - P_i) - a) / (m_i - edge).
+    """
+    logs = np.array([evidence.weighed for evidence in evidences])
+    probability = np.exp(logs - np.logaddexp.reduce(logs))
+    has = {term: np.array([term in one.terms for one in structures], float) for term in optional}
+    has |= {"": np.eye(logs.size)[int(np.argmax(logs))]}
+    result: list[dict[str, float]] = []
+    for i, p in enumerate(probability):
+        own = {}
+        for term, member in has.items():
+            others = float(member @ probability) - member[i] * p
+            edges = np.array(EDGES if term else (DECIDED,))
+            x = (edges * (1.0 - p) - others) / (member[i] - edges)
+            if p > 0.0 and (x > 0.0).any():
+                own[term] = float(np.abs(np.log(x[x > 0.0] / p)).min())
+        result.append(own)
+    return result
 
 
 def averaged(
@@ -401,30 +445,20 @@ def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
 
 
 def _doubt(evidence: Evidence) -> float:
-    """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, the difference of another method, 3 at least."""
+    """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, and the difference of another sound method; 3
+    at least where there is none."""
     if not evidence.status:
         return 0.0
     table = evidence.diagnostics.get("methods", {})
     apart = [abs(one["difference"]) for one in table.values() if np.isfinite(one["difference"])]
-    return max(10.0 * np.nan_to_num(evidence.std_error), 3.0, *apart)
+    sound = [one for one in table.values() if not one.get("status") and np.isfinite(one["difference"])]
+    return max(10.0 * np.nan_to_num(evidence.std_error), *apart, 0.0 if len(sound) > 1 else 3.0)
 
 
 def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarray, " m"]]:
     """Return the probabilities if one evidence is too high by so much, and if it is too low."""
     step = doubt * (np.arange(logs.size) == index)
     return [np.exp(x - x.max()) / np.exp(x - x.max()).sum() for x in (logs - step, logs + step)]
-
-
-def _decides(logs: np.ndarray, index: int, doubt: float) -> bool:
-    """Return whether an evidence that is in doubt by so much could change a probability."""
-    low, high = _shifted(logs, index, doubt)
-    return bool(np.abs(high - low).max() > 0.01)
-
-
-def _range(logs: np.ndarray, doubts: Sequence[float], member: np.ndarray) -> tuple[float, float]:
-    """Between which the probability of a term may lie if any one evidence in doubt is wrong."""
-    reached = [float(member @ one) for index, doubt in enumerate(doubts) for one in _shifted(logs, index, doubt)]
-    return min(reached), max(reached)
 
 
 def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float, float] | None = None) -> str:

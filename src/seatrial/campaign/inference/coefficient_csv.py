@@ -85,9 +85,10 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
     moments = [
         {name: (float(one.data["mean"].sel(parameter=name)), one.sd(name)) for name in one.names} for one in estimates
     ]
+    share = selection.probability / selection.probability.sum()  # of what was simulated
     rows = []
-    for name, (mean, sd) in averaged(moments, selection.probability).items():
-        have_it = [(one, p) for one, p in zip(estimates, selection.probability, strict=True) if name in one.names]
+    for name, (mean, sd) in averaged(moments, share).items():
+        have_it = [(one, p) for one, p in zip(estimates, share, strict=True) if name in one.names]
         inclusion = min(1.0, sum(float(p) for _, p in have_it))
         lower, upper = _interval([(one.widened_draws(name), float(p)) for one, p in have_it], 1.0 - inclusion)
         most, _ = max(have_it, key=lambda pair: pair[1] * pair[0].sd(name) ** 2)

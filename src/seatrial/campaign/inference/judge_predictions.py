@@ -94,11 +94,6 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
     return stored_predictions(campaign.folder, estimate, trials).read_or_make(predict)
 
 
-def residual_doubt(campaign: Campaign, drawn: Drawn, trials: Trials) -> str:
-    """Say why the residuals of the fitted records are not the noise that is modelled; empty where they may be. Nothing is stored."""
-    return disowned(_fitted(_setting(campaign), [_predict(campaign, drawn, record) for record in trials.fit]))
-
-
 def predictions_of(
     channels: Sequence[str],
     structure: Structure,

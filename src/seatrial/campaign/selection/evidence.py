@@ -1,7 +1,6 @@
 """Selection among the candidate structures: evidences with checkpointed repeats, probabilities, verdicts."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +12,8 @@ from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.judge_predictions import residual_doubt
 from seatrial.campaign.inference.modes import exchange_modes
 from seatrial.campaign.inference.posterior import widest
-from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
@@ -24,9 +21,10 @@ from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
+from seatrial.selection.compare import evidence_gains, with_gains
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import (
     NESTED_RUNS,
@@ -63,12 +61,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
 
     def compute() -> Selection:
         evidences, shortlist = _evidences(campaign, trials, reporter), shortlist_of(campaign, trials)
-        by_evidence = partial(select, campaign.structures, evidences, campaign.structure.optional, shortlist)
-        chosen = campaign.structures[by_evidence().chosen]
-        posterior = Study(campaign, trials.fit).posterior(chosen)
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {chosen.terms}"))
-        drawn = draw_about_mode(campaign.seed, chosen, posterior, mode)
-        return by_evidence(residual_doubt(campaign, drawn, trials))
+        return select(campaign.structures, evidences, campaign.structure.optional, shortlist)
 
     selection = stored_selection(campaign, trials).read_or_make(compute)
     # Also where it was there already: a kill may have come between writing it and this.
@@ -86,7 +79,7 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
     name = (
-        "evidence by agreement, modes exchanged, checked as sharply as it decides, the hopeless given up"
+        "evidence by agreement, modes exchanged, checked as sharply as it decides with every error, the hopeless given up"
         if len(campaign.structures) > 1
         else "evidence by importance sampling, with bounds"
     )
@@ -96,7 +89,7 @@ def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> st
 def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[Selection]:
     """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    path, key = Store(campaign.folder).selection, key_of("selection with residuals", keys)
+    path, key = Store(campaign.folder).selection, key_of("selection with every error", keys)
     return StoredResult(path, key, Selection, f"seatrial select {campaign.folder}")
 
 
@@ -140,15 +133,17 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     run(_exchange(study, workers, stored), repeats=1)
     for one in stored:
         one.schedule.compared = True
-    best = max((first[0] for one in stored if (first := one.schedule.first) is not None), default=-np.inf)
-    run([one for one in stored if not one.give_up(best)])
-    evidences = [one.schedule.evidence() for one in stored]
+    gains = None
+    if len(stored) > 1:
+        posteriors = [study.posterior(one.structure) for one in stored]
+        gains = evidence_gains(posteriors, [one.schedule.results["importance"].mode for one in stored], StatedErrors())
+    pairs = [*zip(stored, gains or [0.0] * len(stored), strict=True)]
+    best = max((first[0] + gain for one, gain in pairs if (first := one.schedule.first) is not None), default=-np.inf)
+    run([one for one, gain in pairs if not one.give_up(best, gain)])
+    evidences = with_gains([one.schedule.evidence() for one in stored], gains)
     blunt = blunt_deciders(campaign.structures, evidences, campaign.structure.optional)
-    sharpened = [one for index, one in enumerate(stored) if index in blunt and one.schedule.sharpen()]
-    if not sharpened:
-        return evidences
-    run(sharpened)
-    return [one.schedule.evidence() for one in stored]
+    run([one for index, one in enumerate(stored) if index in blunt and one.schedule.sharpen()])
+    return with_gains([one.schedule.evidence() for one in stored], gains)
 
 
 def _exchange(study: Study, workers: Workers, stored: Sequence["_StoredSchedule"]) -> list["_StoredSchedule"]:
@@ -212,9 +207,9 @@ class _StoredSchedule:
         save_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key, arrays)
         self.show(EvidenceTask(method, repeat), 1.0)
 
-    def give_up(self, best: float) -> bool:
+    def give_up(self, best: float, gain: float) -> bool:
         """Give up a hopeless structure, as `EvidenceSchedule.give_up`, and end its bar."""
-        is_hopeless = self.schedule.give_up(best)
+        is_hopeless = self.schedule.give_up(best, gain)
         if is_hopeless:
             self.progress(1, 1)
         return is_hopeless

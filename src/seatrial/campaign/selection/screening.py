@@ -98,15 +98,11 @@ def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
     """What the screening says beyond the structures that are simulated; None where all of them are."""
     if not (campaign.is_large and campaign.shortlist):
         return None
-    data, simulated = screen_terms(campaign, trials).data, {frozenset(one.terms) for one in campaign.shortlist}
-    screened = Screened(data)
-    share = sum(
-        float(data["probability"][rank])
-        for rank in range(data.sizes["model"])
-        if frozenset(screened.terms(rank)) in simulated
-    )
-    inclusion = {term: float(data["inclusion"].sel(term=term)) for term in screened.optional}
-    return Shortlist(inclusion, share)
+    screened = screen_terms(campaign, trials)
+    listed = {frozenset(screened.terms(rank)): rank for rank in range(screened.data.sizes["model"])}
+    inclusion = {term: float(screened.data["inclusion"].sel(term=term)) for term in screened.optional}
+    ranks = [listed[frozenset(one.terms)] for one in campaign.shortlist]
+    return Shortlist(inclusion, [float(screened.data["probability"][rank]) for rank in ranks])
 
 
 def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:

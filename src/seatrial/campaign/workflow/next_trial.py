@@ -116,8 +116,6 @@ def _failed(outcome: Outcome) -> str:
     goal, choice = outcome.campaign.goal, outcome.selection
     if outcome.own_alarms:
         return outcome.own_alarms[0]
-    if choice.residuals:
-        return choice.alarms[0]
     if (goal is None or goal.decided) and not choice.is_reliable and not choice.is_settled:
         return f"the evidence does not yet tell the models apart; {BETTER_EVIDENCE}"
     return outcome.disowned

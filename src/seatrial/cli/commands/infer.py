@@ -83,12 +83,12 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
         if screened is not None:
             answer.say("\n".join(screening_lines(screened)))
         campaign, selection = flow.get("candidates"), flow.get("selection")
-        for structure, evidence, probability in zip(
-            selection.structures, selection.evidences, selection.probability, strict=True
-        ):
-            value = f"log evidence {evidence.log_value:.3f} ± {evidence.std_error:.3f}"
-            answer.say(f"{structure.label}  {value}  probability {probability:.3f}  {' '.join(structure.terms)}")
-            answer.say(f"  {agreement_words(evidence)}")
+        for row, evidence in zip(selection.rows, selection.evidences, strict=True):
+            value = f"log evidence {row.log_evidence:.3f} ± {row.log_evidence_error:.3f}"
+            if row.log_evidence_with_errors is not None:
+                value += f", with every error {row.log_evidence_with_errors:.3f}"
+            answer.say(f"{row.label}  {value}  probability {row.probability:.3f}  {' '.join(row.terms)}")
+            answer.say(f"  {agreement_words(evidence, row.log_evidence_needed)}")
         for verdict in selection.verdicts:
             answer.say(verdict)
         answer.give_result(selection)

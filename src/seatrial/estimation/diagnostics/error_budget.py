@@ -22,7 +22,7 @@ An estimate of a linear model is off by the sum of what each source does, so tha
 on y, K R K' is that of the noise, and (K G)_j^2 s_j^2 that of a source j.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -177,7 +177,7 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = EXACT)
         return ErrorBudget(
             names, np.ones(len(names)), np.repeat(alone, len(names), 1), ((),) * len(names), (), (), {}, (), farthest
         )
-    model, members = _followed(posterior, mode, stated)
+    model, members = follow_sources(posterior, mode, stated)
     sd = np.sqrt(np.diag(mode.cov))
     moving = {place: k for k, place in enumerate(model.moving)}
     ratio, shares = np.ones(len(names)), np.zeros((4, len(names)))
@@ -291,34 +291,69 @@ class LinearModel:
                 result[i] = [Option(0.0, share, odds) for share in SHARES]
         return result
 
-    def member(self, chosen: Mapping[int, Option]) -> Member:
-        """Return what a set of sources, with those that are stated, makes of the parameters, with the noise that then remains."""
+    def members(self, sets: Sequence[Mapping[int, Option]]) -> list[Member]:
+        """Return what each set of sources, with those that are stated, makes of the parameters, with the noise that then remains."""
         stated = {i: Option(0.0, one.stated, 0.0) for i, one in enumerate(self.sources) if one.stated is not None}
-        every, k = [*stated.items(), *chosen.items()], len(self.moving)
-        columns = np.array([place for i, _ in every for place in self.sources[i].columns], int)
-        options = [option for i, option in every for _ in self.sources[i].columns]
-        precision = np.r_[self.curvature, [one.sd**-2.0 for one in options]]
-        mean = np.r_[self.peak, [one.mean for one in options]]
-        among = np.ix_(*(np.r_[0, 1 + np.arange(k), 1 + k + columns],) * 2)
-        sums = [[Shape(shape.products[among], shape.log_sd) for shape in shapes] for _, shapes in self.channels]
-        noise, last = self.first, -np.inf
+        every = [(stated | dict(chosen)).items() for chosen in sets]
+        columns = [np.array([place for i, _ in one for place in self.sources[i].columns], int) for one in every]
+        options = [[option for i, option in one for _ in self.sources[i].columns] for one in every]
+        result: dict[int, Member] = {}
+        widths = [len(one) for one in columns]
+        for width in dict.fromkeys(widths):  # as many columns together: one by one they take ten times longer
+            own = [i for i, other in enumerate(widths) if other == width]
+            spread, mean = (
+                np.array([[number(one) for one in options[i]] for i in own]).reshape(len(own), width)
+                for number in (lambda one: one.sd**-2.0, lambda one: one.mean)
+            )
+            for i, (density, *rest) in zip(
+                own, self._solve_alike(np.array([columns[i] for i in own]), spread, mean), strict=True
+            ):
+                odds = sum(one.log_odds for one in sets[i].values())
+                result[i] = Member(tuple(sets[i].items()), density + odds, *rest)
+        return [result[i] for i in range(len(sets))]
+
+    def _solve_alike(
+        self, columns: Int[np.ndarray, "g c"], spread: Float[np.ndarray, "g c"], centre: Float[np.ndarray, "g c"]
+    ) -> list[tuple]:
+        """Return what a `Member` says but for `chosen`, of g sets of c columns with precisions and means of their sizes."""
+        k, g = len(self.moving), len(columns)
+        first = np.broadcast_to(np.arange(1 + k), (g, 1 + k))
+        among = np.concatenate([first, 1 + k + columns], 1)
+        precision = np.concatenate([np.broadcast_to(self.curvature, (g, k)), spread], 1)
+        mean = np.concatenate([np.broadcast_to(self.peak, (g, k)), centre], 1)
+        sums = [
+            np.stack([one.products[among[:, :, None], among[:, None, :]] for one in shapes])
+            for _, shapes in self.channels
+        ]
+        log_sds = [np.array([one.log_sd for one in shapes])[:, None] for _, shapes in self.channels]
+        noise = [[*self.first] for _ in range(g)]
+        result: list[tuple] = [()] * g
+        last, left = np.full(g, -np.inf), np.arange(g)
         for _ in range(NOISE_ROUNDS):
-            information = sum(own[shape].products / sd**2 for own, (shape, sd) in zip(sums, noise, strict=True))
-            values, log_volume, cov = _solve(information, precision, mean)
-            away, density, noise = np.r_[1.0, -values], 0.0, []
-            for (count, _), own in zip(self.channels, sums, strict=True):
-                sd = [float(np.sqrt(max(away @ one.products @ away, TINY) / max(count, 1.0))) for one in own]
-                each = [-one.log_sd - count * np.log(x) - 0.5 * count for one, x in zip(own, sd, strict=True)]
-                noise.append((best := int(np.argmax(each)), sd[best]))
-                density += each[best]
-            off = values - mean
-            density += -0.5 * off @ (precision * off) - log_volume + 0.5 * np.log(precision[k:]).sum()
-            if abs(density - last) < NOISE_SETTLED:
+            information = np.zeros((left.size, *among.shape[1:], *among.shape[1:]))
+            for c, own in enumerate(sums):
+                shape, sd = (np.array([noise[i][c][part] for i in left]) for part in (0, 1))
+                information = information + own[shape.astype(int), left] / sd[:, None, None] ** 2
+            values, log_volume, cov = _solve(information, precision[left], mean[left])
+            away, density, found = np.c_[np.ones(left.size), -values], np.zeros(left.size), []
+            for (count, _), own, log_sd in zip(self.channels, sums, log_sds, strict=True):
+                square = np.einsum("gi,sgij,gj->sg", away, own[:, left], away, optimize=True)
+                sd = np.sqrt(np.maximum(square, TINY) / max(count, 1.0))
+                each = -log_sd - count * np.log(sd) - 0.5 * count
+                best = np.argmax(each, 0)
+                found.append([(int(b), float(sd[b, i])) for i, b in enumerate(best)])
+                density += each[best, np.arange(left.size)]
+            off = values - mean[left]
+            density += -0.5 * (precision[left] * off**2).sum(1) - log_volume + 0.5 * np.log(spread[left]).sum(1)
+            for j, i in enumerate(left):
+                noise[i] = [one[j] for one in found]
+                data = information[j, 1:, 1:]
+                result[i] = float(density[j]), values[j], cov[j], data, precision[i], columns[i], tuple(noise[i])
+            moved = np.abs(density - last[left]) >= NOISE_SETTLED
+            last[left] = density
+            if not (left := left[moved]).size:
                 break
-            last = density
-        odds = sum(option.log_odds for option in chosen.values())
-        data = np.asarray(information)[1:, 1:]
-        return Member(tuple(chosen.items()), float(density) + odds, values, cov, data, precision, columns, tuple(noise))
+        return result
 
     def average(self, kinds: Sequence[str] = ()) -> list[Member]:
         """Return sets of sources, the most probable first.
@@ -329,20 +364,20 @@ class LinearModel:
             kinds: of sources that are left out.
         """
         looked = {i: options for i, options in self.options.items() if self.sources[i].effect.kind not in kinds}
-        members = {(): self.member({})}
+        members = {(): self.members([{}])[0]}
         front: list[dict[int, Option]] = [{}]
         for _ in range(MAX_SOURCES):
+            sets = [
+                {**chosen, i: option} for chosen in front for i in looked.keys() - chosen.keys() for option in looked[i]
+            ]
+            keys = [tuple(sorted(one.items())) for one in sets]
+            fresh = [key for key in dict.fromkeys(keys) if key not in members]
+            members |= dict(zip(fresh, self.members([dict(key) for key in fresh]), strict=True))
             grown: dict[frozenset[int], tuple[float, dict[int, Option]]] = {}
-            for chosen in front:
-                for i in looked.keys() - chosen.keys():
-                    for option in looked[i]:
-                        more = {**chosen, i: option}
-                        key = tuple(sorted(more.items()))
-                        if key not in members:
-                            members[key] = self.member(dict(key))
-                        height = members[key].log_density
-                        if height > grown.get(frozenset(more), (-np.inf, {}))[0]:
-                            grown[frozenset(more)] = height, dict(key)
+            for key in keys:
+                height, own = members[key].log_density, frozenset(dict(key))
+                if height > grown.get(own, (-np.inf, {}))[0]:
+                    grown[own] = height, dict(key)
             if front == [{}]:  # from here on the sizes that do best alone
                 for i, options in looked.items():
                     alone = [(members[((i, one),)].log_density, one) for one in options]
@@ -442,25 +477,31 @@ def _whitened_sums(
     return products.sum(0), log_sd.sum()
 
 
-def _followed(posterior: Posterior, mode: Mode, stated: StatedErrors) -> tuple[LinearModel, list[Member]]:
-    """Return the sets of sources about the motion of the best one.
+def follow_sources(
+    posterior: Posterior, mode: Mode, stated: StatedErrors, among: Collection[Effect] | None = None
+) -> tuple[LinearModel, list[Member]]:
+    """Return the sets of sources, of all or among some effects, about the motion of the best one.
 
     The smooth force waits until the others have settled: it would take up what is not linear about them. A lag and a delay are alike at
     first: where the best set has one of them, it is looked whether one without it leads to a better.
     """
     left_out = ("smooth force",)
-    model, best = _follow_best(posterior, mode, stated, left_out)
+    model, best = _follow_best(posterior, mode, stated, left_out, among)
     for kind in {model.sources[i].effect.kind for i, _ in best.chosen} & {*LATE}:
-        other = _follow_best(posterior, mode, stated, (*left_out, kind))
+        other = _follow_best(posterior, mode, stated, (*left_out, kind), among)
         model, best = max((model, best), other, key=lambda pair: pair[1].log_density)
     return model, model.average()
 
 
 def _follow_best(
-    posterior: Posterior, mode: Mode, stated: StatedErrors, left_out: Sequence[str]
+    posterior: Posterior,
+    mode: Mode,
+    stated: StatedErrors,
+    left_out: Sequence[str],
+    among: Collection[Effect] | None,
 ) -> tuple[LinearModel, Member]:
     """Follow the best set of sources, but for some kinds, from the mode to where it stays."""
-    at = lay_out(posterior, mode.z, stated)
+    at = lay_out(posterior, mode.z, stated, among=among)
     assert at is not None, "the motion at the mode is finite"
     known = model = LinearModel(posterior, at)
     z, sizes, lags = at.z, at.sizes, at.lags
@@ -477,7 +518,7 @@ def _follow_best(
         else:  # too far: half of the way
             z, sizes, lags = 0.5 * (z + known.at.z), 0.5 * (sizes + known.at.sizes), known.at.lags
             own = sizes
-        at = lay_out(posterior, z, stated, known.at, sizes, lags)
+        at = lay_out(posterior, z, stated, known.at, sizes, lags, among)
         model = None if at is None else LinearModel(posterior, at._replace(sizes=own))
     return known, best
 
@@ -552,14 +593,19 @@ def _most(sources: Sequence[Source], added: Float[np.ndarray, " n"]) -> tuple[Ef
 
 
 def _solve(
-    information: Any, precision: Float[np.ndarray, " q"], mean: Float[np.ndarray, " q"]
-) -> tuple[Float[np.ndarray, " q"], float, Float[np.ndarray, "q q"]]:
-    """Return the values of highest density, half the log determinant of their precision, and its inverse."""
-    size = np.sqrt(np.diag(information)[1:] + precision)  # sizes of columns differ by many powers of ten
-    whole = (information[1:, 1:] + np.diag(precision)) / np.outer(size, size)
+    information: Float[np.ndarray, "g a a"], precision: Float[np.ndarray, "g q"], mean: Float[np.ndarray, "g q"]
+) -> tuple[Float[np.ndarray, "g q"], Float[np.ndarray, " g"], Float[np.ndarray, "g q q"]]:
+    """Return the values of highest density, half the log determinants of their precisions, and the inverses of these."""
+    q = precision.shape[1]
+    size = np.sqrt(
+        np.einsum("gii->gi", information)[:, 1:] + precision
+    )  # those of columns differ by many powers of ten
+    pairs = size[:, :, None] * size[:, None, :]
+    whole = (information[:, 1:, 1:] + precision[:, :, None] * np.eye(q)) / pairs
     root = np.linalg.cholesky(whole)
-    cov = np.linalg.inv(whole) / np.outer(size, size)
-    return cov @ (information[1:, 0] + precision * mean), float(np.log(np.diag(root) * size).sum()), cov
+    cov = np.linalg.inv(whole) / pairs
+    log_volume = np.log(np.einsum("gii->gi", root) * size).sum(1)
+    return np.einsum("gij,gj->gi", cov, information[:, 1:, 0] + precision * mean), log_volume, cov
 
 
 def half_width(

@@ -13,7 +13,7 @@ The smooth force is a Gaussian process with a squared exponential kernel over in
 pivoted Cholesky factor (Foster et al., Journal of Machine Learning Research 10, 2009).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
@@ -162,6 +162,7 @@ def lay_out(
     before: Perturbed | None = None,
     sizes: Float[np.ndarray, " m"] | None = None,
     lags: Mapping[Effect, tuple[float, float]] = {},
+    among: Collection[Effect] | None = None,
 ) -> Perturbed | None:
     """Return the sources about a motion; None where it diverges.
 
@@ -172,6 +173,7 @@ def lay_out(
         before: sources of the motion, with their columns; None for none.
         sizes: of these.
         lags: pairs of lags, s, of effects, in place of `LAGS`.
+        among: effects that may be sources; all where None.
     """
     motion = _Motion(posterior, z, before, sizes)
     if not all(np.isfinite(x).all() for x in motion.states.values()):
@@ -179,7 +181,8 @@ def lay_out(
     motion.weigh()
     builder = _Builder(motion)
     for effect, worth, stated_sd, columns in _sources(motion, stated, lags):
-        builder.add(effect, worth, stated_sd, columns)
+        if among is None or effect in among:
+            builder.add(effect, worth, stated_sd, columns)
     own = np.zeros(builder.count) if sizes is None else sizes
     return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags)
 

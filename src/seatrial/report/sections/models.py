@@ -33,9 +33,9 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     selection = outcome.selection
     if len(selection.structures) == 1 and outcome.screened is None and outcome.cross_validation is None:
         return {}
-    worse = [-one.log_value for one in selection.evidences]
+    worse = [-one.weighed for one in selection.evidences]
     order = [int(index) for index in np.lexsort((worse, -selection.probability))]
-    best = selection.evidences[selection.chosen].log_value
+    best = selection.evidences[selection.chosen].weighed
     rows = [_row(outcome, index, best) for index in order]
     return {
         "sound": not any(row["status"] for row in rows),
@@ -57,7 +57,7 @@ def _row(outcome: Outcome, index: int, best: float) -> dict[str, Any]:
         "name": model_html(outcome, structure.label),
         "label": structure.label,
         "chosen": index == selection.chosen,
-        "behind": decimals(best - evidence.log_value, 2),
+        "behind": decimals(best - evidence.weighed, 2),
         "error": decimals(evidence.std_error, 2) if evidence.std_error >= 0.005 else "",
         "status": evidence.status,
     }

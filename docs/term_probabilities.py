@@ -1,0 +1,170 @@
+"""Are the stated probabilities of terms true? `python docs/term_probabilities.py [--records N] [--full N]`.
+
+Vehicles draw which of four terms they have, and their coefficients, from the priors of the model. A plain loop that shares no code with
+seatrial simulates three runs of each: with white noise, with a slow error of the sensor, with a mass that is not the stated one, with a
+force that drifts, and with a thruster that lags. Of all 16 structures the evidence within the model is found, and the one with every error;
+the probabilities of the terms that follow are compared with the truth. What is done is kept in outputs/term_probabilities. Writes the
+table in docs/term_probabilities.md and the numbers in docs/term_probabilities.json.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import seatrial as st
+from seatrial.core.files import write_text
+from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
+from seatrial.estimation.diagnostics.error_sources import StatedErrors
+from seatrial.estimation.posterior.posterior import Posterior
+
+HERE = Path(__file__).parent
+STATE = HERE.parent / "outputs" / "term_probabilities"
+RESULTS = "<!-- results -->"
+"""Where the table begins in the page."""
+STEP, FINE, SAMPLES, RUNS = 0.1, 5, 400, 3
+"""Interval of the samples, s; steps of the simulation in one; samples of a run; runs of a vehicle."""
+NOISE, MASS, DEDUCTION, TRIM = 0.02, 31.41, 0.1, 125.0
+"""Of the speed sensor, m/s; effective mass, kg; share of the thrust that the hull takes; speed of the propeller, rad/s."""
+ALWAYS = {"X_uabsu": st.Normal(-2.93, 0.5), "T_nabsn": st.Normal(6.28e-4, 6e-5)}
+OPTIONAL = {
+    "X_u": st.Normal(-1.2, 0.6),
+    "X_u3": st.Normal(-0.5, 0.3),
+    "T_un": st.Normal(-0.01, 0.006),
+    "X_0": st.Normal(0.0, 0.7),
+}
+NUISANCES = {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)}
+CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
+OWN = st.Provenance("a plain loop", "")
+
+
+class Arm(NamedTuple):
+    """What is wrong with the model: sizes of each vehicle's error, none where 0.
+
+    Attributes:
+        words: in the table.
+        slow: standard deviation of a slow error of the sensor, m/s, and its memory, s.
+        mass: error of the stated mass, as a share, to either side.
+        force: standard deviation of a force that drifts, N, and its memory, s.
+        lag: of the thruster, s, from and to.
+    """
+
+    words: str
+    slow: tuple[float, float] = (0.0, 1.0)
+    mass: float = 0.0
+    force: tuple[float, float] = (0.0, 1.0)
+    lag: tuple[float, float] = (0.0, 0.0)
+
+
+ARMS = {
+    "A": Arm("nothing: white noise"),
+    "B": Arm("a slow error of the sensor", slow=(0.03, 5.0)),
+    "C": Arm("a mass 5 % off", mass=0.05),
+    "D": Arm("a force that drifts", force=(0.5, 5.0)),
+    "E": Arm("a thruster that lags", lag=(0.3, 1.0)),
+}
+
+
+def vehicle(arm: str, number: int) -> tuple[list[bool], list[st.Record]]:
+    """Return which of the optional terms a vehicle has, and its runs."""
+    about, random = ARMS[arm], np.random.default_rng([ord(arm), number])
+    present = random.random(len(OPTIONAL)) < 0.5
+    values = {
+        name: float(prior.mean + prior.sd * random.standard_normal()) for name, prior in {**ALWAYS, **OPTIONAL}.items()
+    }
+    values |= {name: 0.0 for name, is_there in zip(OPTIONAL, present, strict=True) if not is_there}
+    mass = MASS * (1.0 + about.mass * random.choice([-1.0, 1.0]))
+    lag = random.uniform(*about.lag)
+    return present.tolist(), [run(about, values, mass, lag, each, random) for each in range(RUNS)]
+
+
+def run(
+    about: Arm, values: Mapping[str, float], mass: float, lag: float, number: int, random: np.random.Generator
+) -> st.Record:
+    """Return one run of a vehicle, by midpoint steps."""
+    hold = (3.0, 5.0, 8.0)[number % 3]
+    time = np.arange(SAMPLES) * STEP
+    command = TRIM + random.uniform(-60.0, 60.0, int(time[-1] / hold) + 1)[(time / hold).astype(int)]
+    push = drift(*about.force, SAMPLES * FINE, STEP / FINE, random)
+    h, u, n, shown = STEP / FINE, 1.5, command[0], np.empty(SAMPLES)
+    for i, wanted in enumerate(command):
+        shown[i] = u
+        for j in range(FINE):
+            turning = n if lag else wanted
+
+            def rate(u: float, n: float = turning, push: float = push[i * FINE + j]) -> float:
+                thrust = (1 - DEDUCTION) * (values["T_nabsn"] * n * abs(n) + values["T_un"] * u * n)
+                drag = values["X_u"] * u + values["X_uabsu"] * u * abs(u) + values["X_u3"] * u**3 + values["X_0"]
+                return (thrust + drag + push) / mass
+
+            u += h * rate(u + h / 2 * rate(u))
+            n += (wanted - n) * (1.0 - np.exp(-h / lag)) if lag else 0.0
+    measured = shown + drift(*about.slow, SAMPLES, STEP, random) + NOISE * random.standard_normal(SAMPLES)
+    return st.make_record(time, {"n": command, "u": measured}, CHANNELS, OWN, f"run {number}", between={"n": "held"})
+
+
+def drift(sd: float, memory: float, count: int, step: float, random: np.random.Generator) -> np.ndarray:
+    """Return an Ornstein-Uhlenbeck process."""
+    kept, now, result = np.exp(-step / memory), sd * random.standard_normal(), np.empty(count)
+    for i in range(count):
+        result[i] = now
+        now = kept * now + sd * np.sqrt(1 - kept**2) * random.standard_normal()
+    return result
+
+
+def structures(records: list[st.Record]) -> tuple[list[tuple[bool, ...]], list[Posterior]]:
+    """Return all structures: which optional terms each has, and its posterior."""
+    priors = ALWAYS | OPTIONAL
+    model = st.load_vehicle("remus100_surge").build(free=list(priors))
+    whole = st.make_posterior(model, records, priors | NUISANCES, [st.Sensor("u")])
+    sets = [*product([False, True], repeat=len(OPTIONAL))]
+    absent = [{name for name, is_there in zip(OPTIONAL, each, strict=True) if not is_there} for each in sets]
+    return sets, [
+        replace(whole, present=np.array([float(name not in none) for name in whole.names])) for none in absent
+    ]
+
+
+def judge(present: list[bool], records: list[st.Record], stated: StatedErrors) -> dict:
+    """Return the truth and the log evidences of all structures: within the model, and their gains."""
+    sets, posteriors = structures(records)
+    start = time.perf_counter()
+    modes, near = [], None
+    for one in posteriors[::-1]:  # the full one first
+        mode = st.find_mode(one, 1, starts=16 if near else 256, tries=1 if near else 3, near=near)
+        near = near or mode.by_name
+        modes.insert(0, mode)
+    found = time.perf_counter()
+    gains = log_evidence_gains(posteriors, modes, stated)
+    return {
+        "present": present,
+        "sets": sets,
+        "within": [mode.log_evidence for mode in modes],
+        "gain": gains,
+        "seconds": [found - start, time.perf_counter() - found],
+    }
+
+
+def main() -> None:
+    """Simulate and judge what is not done yet, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--arms", nargs="*", default=list(ARMS))
+    asked = parser.parse_args()
+    st.configure()
+    STATE.mkdir(parents=True, exist_ok=True)
+    for number in range(asked.records):
+        for arm in asked.arms:
+            path = STATE / f"{arm}.json"
+            done = json.loads(path.read_text()) if path.exists() else []
+            if number == len(done):
+                write_text(path, json.dumps([*done, judge(*vehicle(arm, number), StatedErrors())]))
+
+
+if __name__ == "__main__":
+    main()
