@@ -4,7 +4,7 @@ import pytest
 
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.selection.screening import can_be_screened, screen_terms, with_shortlist
+from seatrial.campaign.selection.screening import can_be_screened, screen_terms, shortlist_of, with_shortlist
 from seatrial.core.errors import InputError
 from seatrial.messages.structures import screening_lines
 from seatrial.vehicles.catalogue import load_surge
@@ -81,6 +81,10 @@ def test_a_large_campaign_gets_a_shortlist(campaign, trials):
     sizes = [len(one.terms) for one in chosen.structures]
     assert sizes == sorted(sizes, reverse=True)
     assert all({"X_uabsu", "T_nabsn"} <= set(one.terms) for one in chosen.structures)
+    screened, shortlist = screen_terms(campaign, trials), shortlist_of(chosen, trials)
+    assert sum(shortlist.probability) == pytest.approx(screened.data["probability"].values[:4].sum())
+    best = chosen.structures[int(np.argmax(shortlist.probability))]
+    assert set(best.terms) == set(screened.terms(0))
     with pytest.raises(InputError, match="128 structures"):
         _ = campaign.structures
 

@@ -12,6 +12,7 @@ from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
+from seatrial.campaign.inference.model_error import stated_errors
 from seatrial.campaign.inference.modes import exchange_modes
 from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.selection.screening import shortlist_of
@@ -21,7 +22,6 @@ from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
 from seatrial.selection.compare import evidence_gains, with_gains
@@ -136,7 +136,9 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     gains = None
     if len(stored) > 1:
         posteriors = [study.posterior(one.structure) for one in stored]
-        gains = evidence_gains(posteriors, [one.schedule.results["importance"].mode for one in stored], StatedErrors())
+        gains = evidence_gains(
+            posteriors, [one.schedule.results["importance"].mode for one in stored], stated_errors(campaign.estimation)
+        )
     pairs = [*zip(stored, gains or [0.0] * len(stored), strict=True)]
     best = max((first[0] + gain for one, gain in pairs if (first := one.schedule.first) is not None), default=-np.inf)
     run([one for one, gain in pairs if not one.give_up(best, gain)])
