@@ -14,14 +14,14 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.priors import prior_of_keys
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
-from seatrial.core.signals import RATES, signal_unit
+from seatrial.core.signals import SPEEDS, signal_unit
 from seatrial.estimation.posterior.filter_error import process_name
 from seatrial.estimation.posterior.output_error import spread_name
 from seatrial.estimation.priors import Prior
-from seatrial.estimation.simulation.disturbance import AXES, disturbance_name, disturbance_time_name
+from seatrial.estimation.simulation.disturbance import disturbance_name, disturbance_time_name, force_per_rate
 from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
-from seatrial.vehicles.model import VehicleModel, outside_force
+from seatrial.vehicles.model import VehicleModel
 
 SMALLEST = 1e-4  # Least process noise or force that a prior allows, over the size of the motion
 SHARE = 0.5  # Size by which a coefficient may vary from run to run, over its value
@@ -95,7 +95,7 @@ def scale_of(
         float(np.median([np.ptp(record.time) for record in records])),
         sizes,
         coefficients,
-        {axis: _force(model, axis, sizes, values) for axis in model.disturbance_axes},
+        {axis: sizes.get(SPEEDS[axis], 1.0) * force_per_rate(model, axis, values) for axis in model.disturbance_axes},
     )
 
 
@@ -185,17 +185,6 @@ def _size(size: float) -> dict[str, Any]:
 
 def _log_uniform(lower: float, upper: float) -> dict[str, Any]:
     return {"distribution": "log-uniform", "lower": _round(lower), "upper": _round(upper)}
-
-
-def _force(model: VehicleModel, axis: str, sizes: Mapping[str, float], values: Mapping[str, float]) -> float:
-    """Return the force that changes the speed along its axis by its standard deviation in one second."""
-    state = RATES[AXES.index(axis)]
-    at = model.states.index(state)
-    rest, controls = (1.0,) * len(model.states), (0.0,) * len(model.controls)
-    free, pushed = (
-        float(model.derivative({**values, outside_force(axis): force}, rest, controls)[at]) for force in (0.0, 1.0)
-    )
-    return sizes.get(state, 1.0) / abs(pushed - free)
 
 
 def _unit(name: str, units: Mapping[str, str], model: VehicleModel) -> str:

@@ -171,7 +171,7 @@ def predict(
         InputError: a posterior of no records, draws of another one, or a control, channel or start that the record lacks.
     """
     key = as_key(key)
-    alone, values = _ready(posterior, draws, record, start, first_sd, n, key)
+    alone, values = posterior_of_record(posterior, draws, record, start, first_sd, n, key)
 
     def simulated(likelihood: OutputError | FilterError) -> np.ndarray:
         return np.asarray(outputs_of_draws(likelihood)(values, alone.data, key))[:, : record.time.size]
@@ -213,7 +213,7 @@ def replicate_record(
         measurements of every channel at the times of the record, SI; 0 where the record has none.
     """
     key = as_key(key)
-    alone, values = _ready(posterior, draws, record, start, None, n, key)
+    alone, values = posterior_of_record(posterior, draws, record, start, None, n, key)
     return np.asarray(replicates_of_draws(alone.likelihood)(values, alone.data, key))[:, : record.time.size]
 
 
@@ -276,7 +276,7 @@ def replicates_of_draws(likelihood: OutputError | FilterError):
     return of_draws
 
 
-def _ready(
+def posterior_of_record(
     posterior: Posterior,
     draws: Draws | Mapping[str, np.ndarray],
     record: Record,
@@ -285,7 +285,7 @@ def _ready(
     n: int,
     key: jax.Array,
 ) -> tuple[Posterior, dict[str, np.ndarray]]:
-    """Return the posterior of one record, and the values of n draws of it by name."""
+    """Return the posterior of one record, labelled `ANY_TRIAL`, and the values of n draws of it by name; arguments as `predict`."""
     check_posterior(posterior)
     if not isinstance(draws, Mapping):
         check_kind(draws, Draws, "draws", "draw them with `sample`")

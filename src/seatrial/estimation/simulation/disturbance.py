@@ -8,12 +8,13 @@ with e1 and e2 independent and standard normal: f given both ends is that of a b
 to 0 with s^2 tau fixed, f is white noise, and the velocity gains s sqrt(2 tau) over its inertia in one second: process noise.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from seatrial.vehicles.model import VehicleModel
+from seatrial.core.signals import SPEEDS
+from seatrial.vehicles.model import VehicleModel, outside_force
 
 AXES = "XYZKMN"
 # Steps over correlation times below which differences of near equal numbers are replaced by their series, to ten digits
@@ -78,3 +79,19 @@ def disturbed_axes(names: Iterable[str], model: VehicleModel) -> tuple[str, ...]
     return tuple(
         axis for axis in model.disturbance_axes if {disturbance_name(axis), disturbance_time_name(axis)} & known
     )
+
+
+def force_per_rate(model: VehicleModel, axis: str, values: Mapping[str, Any]) -> float:
+    """Return the force on an axis that accelerates the vehicle along it by 1 m/s^2 or rad/s^2, SI.
+
+    Args:
+        model: vehicle.
+        axis: one of `disturbance_axes`.
+        values: of all parameters of the model, SI.
+    """
+    at = model.states.index(SPEEDS[axis])
+    rest, controls = (1.0,) * len(model.states), (0.0,) * len(model.controls)
+    free, pushed = (
+        float(model.derivative({**values, outside_force(axis): force}, rest, controls)[at]) for force in (0.0, 1.0)
+    )
+    return 1.0 / abs(pushed - free)

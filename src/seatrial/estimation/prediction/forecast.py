@@ -1,0 +1,337 @@
+"""Forecasts of a record from moments along it: by its measurements up to each moment, and its controls.
+
+A Kalman filter follows the record. Beside the states x of the vehicle it estimates the force d that no term makes on each axis
+(`simulation/disturbance.py`) and the error b of each sensor that drifts. Both fade from where the filter sees them:
+
+    x(t + h) = f(x^, d^ e^(-h / tau_d)),   y(t + h) = h(x) + b^ e^(-h / tau_b),   var y = H P(t + h) H' + sigma^2
+
+One sample ahead, the errors of a forecast are the innovations. The filter is linear about the measured motion. Where the posterior has no
+such force, sizes and memories of force and sensor errors are those by which the fitted records are forecast best.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from jaxtyping import Array, Float, Int
+
+from seatrial.compiled.batching import bucket_length, filled
+from seatrial.compiled.programs import program
+from seatrial.core.record import Record
+from seatrial.core.signals import SPEEDS
+from seatrial.estimation.posterior.filter_error import FilterError, process_name
+from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.posterior import Posterior, as_key
+from seatrial.estimation.prediction.linear_filter import (
+    acting_control,
+    errors_over,
+    follow,
+    functions_of,
+    linear,
+    linear_motion,
+    observed,
+    predicted,
+    shown_by,
+    variances,
+    without_memory,
+)
+from seatrial.estimation.prediction.prediction import posterior_of_record
+from seatrial.estimation.simulation.disturbance import (
+    disturbance_name,
+    disturbance_time_name,
+    force_per_rate,
+    over_step,
+)
+from seatrial.estimation.simulation.sensor_errors import drift_name, drift_time_name, noise_name
+from seatrial.estimation.simulation.simulator import Simulator
+from seatrial.estimation.simulation.trial_data import TrialData, first_samples
+from seatrial.sampling.run import Draws
+
+UNSEEN_SD = 1.0  # Standard deviation of a state at the start that no sensor measures, in its own unit
+# Sizes that are tried, over the size of the motion: of errors of a sensor, and of what a force or process noise adds in one second.
+MIN_NOISE, MAX_NOISE, MIN_PUSH, MAX_PUSH = 1e-5, 1.0, 1e-4, 10.0
+# Where that search begins, of each size and of each memory over the length of a record; and of what is to be little at first.
+BEGIN_SHARE, FEW_SHARE = 0.05, 1e-3
+# Samples of all records, from their beginnings, by which sizes are found, and of each at least.
+MAX_SAMPLES, MIN_SAMPLES = 1600, 300
+MAX_ITERATIONS, DIFFERENCE = 40, 1e-4  # Steps of that search, and change of a logarithm from which slopes follow
+MAX_DRAWS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """A record as forecast from k of its samples, up to h samples ahead; m channels.
+
+    Attributes:
+        record: what was forecast.
+        channels: measured channels, in the order of the last axis.
+        begins: samples from which it is forecast, shape (k,).
+        mean: SI, shape (k, h, m), NaN beyond the end of the record.
+        sd: standard deviation of a measurement about it, SI, shape (k, h, m).
+    """
+
+    record: Record
+    channels: tuple[str, ...]
+    begins: Int[np.ndarray, " k"]
+    mean: Float[np.ndarray, "k h m"]
+    sd: Float[np.ndarray, "k h m"]
+
+    @property
+    def measured(self) -> Float[np.ndarray, "k h m"]:
+        """What was measured, SI, NaN where nothing was, or beyond the end of the record."""
+        columns = np.column_stack([self.record.channel(name) for name in self.channels])
+        rows = self.begins[:, None] + np.arange(1, self.mean.shape[1] + 1)
+        return np.where((rows < len(columns))[..., None], columns[np.minimum(rows, len(columns) - 1)], np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Forecaster:
+    """A fitted vehicle, and the errors that remain.
+
+    Attributes:
+        posterior: of the fitted records.
+        draws: of the posterior, by parameter name, SI.
+        errors: size and memory of the force on each axis and of the errors of each sensor, SI, by parameter name.
+        first_sd: see `make_forecaster`.
+    """
+
+    posterior: Posterior
+    draws: Mapping[str, Float[np.ndarray, " draws"]]
+    errors: Mapping[str, float]
+    first_sd: Mapping[str, float]
+
+    def forecast(
+        self,
+        record: Record,
+        begins: Sequence[int] | Int[np.ndarray, " k"],
+        steps: int,
+        *,
+        start: Mapping[str, float] | Sequence[float] | None = None,
+        n: int = MAX_DRAWS,
+        key: jax.Array | int = 0,
+    ) -> Forecast:
+        """Forecast a record from some of its samples, each by the measurements up to it.
+
+        Args:
+            record: fitted or not.
+            begins: samples, shape (k,).
+            steps: how many samples ahead.
+            start: state at the first sample, as that of `predict`.
+            n: draws, at most.
+            key: random key, or a seed.
+        """
+        alone, values = posterior_of_record(self.posterior, self.draws, record, start, self.first_sd, n, as_key(key))
+        output, data, begins = alone.likelihood.output, alone.data, np.asarray(begins)
+        simulator, count = without_memory(output.simulator), len(next(iter(values.values())))
+        values |= {name: np.asarray(column)[:, 0] for name, column in jax.vmap(output.apart)(values).items()}
+        starts = np.asarray(
+            jax.vmap(lambda one: jnp.broadcast_to(output.starts(one, data)[0], data.initial[0].shape))(values)
+        )
+        data = jax.tree.map(lambda x: np.repeat(np.asarray(x), count, 0), data)
+        control = acting_control(output.simulator, values, data)
+        errors = {name: np.array([value]) for name, value in self.errors.items()}
+        motion = linear_motion(simulator, values, data, control, starts, errors, self.initial_sd)
+        track = follow(
+            motion, errors_over(simulator, errors, data.step[0]), shown_by(data), starts, self.initial_sd, begins
+        )
+        # Past the end no time passes.
+        rows = begins[:, None] + np.arange(bucket_length(steps) + 1)
+        inside, rows = rows < record.time.size, np.minimum(rows, data.step.shape[1] - 1)
+        ahead, held = np.where(inside, data.step[0][rows], 0.0), tuple(column[:, rows] for column in control)
+        lanes = bucket_length(len(begins))
+
+        def padded(x: np.ndarray, axis: int) -> np.ndarray:
+            return np.moveaxis(filled(np.moveaxis(x, axis, 0), lanes), 0, axis)
+
+        begun = padded(track.mean[:, :, 0].swapaxes(0, 1), 1)
+        path, shown = map(
+            np.asarray,
+            _pieces(simulator)(
+                values, dict(self.errors), begun, tuple(padded(column, 1) for column in held), padded(ahead, 0)
+            ),
+        )
+        path, shown = path[:, : len(begins)], shown[:, : len(begins), 1 : steps + 1]
+        # The spread of the filter is that of the mean of the draws; they differ in it by less than it is known.
+        middle = {name: np.repeat(column.mean(), len(begins)) for name, column in values.items()}
+        local = linear(simulator, middle, path.mean(0), tuple(column.mean(0) for column in held), ahead)
+        variance = variances(local, simulator, errors, ahead, track.cov.mean(1), steps)
+        beyond = ~inside[:, 1 : steps + 1, None]
+        mean, sd = shown.mean(0), np.sqrt(variance + shown.var(0))
+        return Forecast(record, output.channels, begins, np.where(beyond, np.nan, mean), np.where(beyond, np.nan, sd))
+
+    @property
+    def initial_sd(self) -> Float[np.ndarray, " states"]:
+        """Standard deviation of each state at the first sample, SI."""
+        return initial_sd_of(self.posterior.likelihood, self.first_sd)
+
+
+def make_forecaster(
+    posterior: Posterior,
+    draws: Draws | Mapping[str, Float[np.ndarray, " draws"]],
+    horizon: float,
+    first_sd: Mapping[str, float] | None = None,
+) -> Forecaster:
+    """Return what forecasts records by draws of a posterior of `make_posterior`.
+
+    Args:
+        posterior: of the records that were fitted.
+        draws: of it; or those of each parameter by name, SI.
+        horizon: how far ahead forecasts are to be good, s.
+        first_sd: how well each state is known at the start of a record, SI; where not given, as `UNSEEN_SD`.
+    """
+    table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))
+    values = dict.fromkeys(posterior.names, 0.0) | {name: float(np.mean(column)) for name, column in table.items()}
+    likelihood, first_sd = posterior.likelihood, first_sd or {}
+    model, channels = likelihood.model, likelihood.channels
+    known = {process_name(state): values.get(process_name(state), 0.0) for state in model.states}
+    if isinstance(likelihood, FilterError) and likelihood.disturbed:
+        known |= {noise_name(channel): values[noise_name(channel)] for channel in channels}
+        for sd, time, pairs in (
+            (disturbance_name, disturbance_time_name, model.disturbance_axes),
+            (drift_name, drift_time_name, channels),
+        ):
+            known |= {sd(one): values.get(sd(one), 0.0) for one in pairs} | {
+                time(one): values.get(time(one), 1.0) for one in pairs
+            }
+        return Forecaster(posterior, table, known, first_sd)
+    fitted = fit_errors(likelihood, values, posterior.data, horizon, initial_sd_of(likelihood, first_sd))
+    return Forecaster(posterior, table, known | fitted, first_sd)
+
+
+def fit_errors(
+    likelihood: OutputError | FilterError,
+    values: Mapping[str, float],
+    data: TrialData,
+    horizon: float,
+    initial_sd: Float[np.ndarray, " states"],
+) -> dict[str, float]:
+    """Return size and memory of forces and of sensors' errors by which the fitted records are forecast with the highest density.
+
+    Half of that is the likelihood, which is that of one sample ahead; half is that of all leads up to the horizon, as they lie on a
+    logarithmic axis. Of a force that is not quite of the kind assumed, the likelihood alone finds a memory that is far off over many
+    samples.
+
+    Args:
+        likelihood: of the posterior.
+        values: of all its parameters, SI, by name.
+        data: fitted records.
+        horizon: longest lead, s.
+        initial_sd: of each state at the first sample, SI.
+    """
+    if data.step.size > MAX_SAMPLES:
+        data = first_samples(data, min(data.step.shape[1], max(MAX_SAMPLES // len(data.step), MIN_SAMPLES)))
+    data = jax.tree.map(np.asarray, data)
+    output, trials = likelihood.output, len(data.step)
+    simulator, axes = without_memory(output.simulator), likelihood.model.disturbance_axes
+    of_trials = {name: np.full(trials, value) for name, value in values.items()}
+    of_trials |= {name: np.asarray(column) for name, column in output.apart(values).items()}
+    starts = np.asarray(output.starts(dict(values), data))
+    control = acting_control(output.simulator, of_trials, data)
+    interval, duration = float(np.median(data.step[data.step > 0])), float(np.max(np.sum(data.step, -1)))
+    memory = duration, interval / duration, 1.0
+    sizes, search = {}, {}  # Scale of each parameter, and the least and the largest share of it
+    for name, channel in zip(output.channels, data.channels, strict=True):
+        sizes[name] = float(np.std(channel.measured[channel.present > 0])) or 1.0
+        search[noise_name(name)] = search[drift_name(name)] = sizes[name], MIN_NOISE, MAX_NOISE
+        search[drift_time_name(name)] = memory
+    for axis in axes:
+        push = sizes.get(SPEEDS[axis], 1.0) * force_per_rate(likelihood.model, axis, values)
+        search[disturbance_name(axis)] = push, MIN_PUSH, MAX_PUSH
+        search[disturbance_time_name(axis)] = memory
+    for state in () if axes else likelihood.model.states:
+        search[process_name(state)] = sizes.get(state, UNSEEN_SD), MIN_PUSH, MAX_PUSH
+    scale, least, most = np.array(list(search.values())).T
+
+    def of_rows(z: Float[np.ndarray, "rows d"]) -> dict[str, np.ndarray]:
+        fixed = {
+            process_name(state): np.full(len(z), values.get(process_name(state), 0.0))
+            for state in likelihood.model.states
+        }
+        return fixed | dict(zip(search, (scale * np.exp(z)).T, strict=True))
+
+    motion = linear_motion(
+        simulator,
+        of_trials,
+        data,
+        control,
+        starts,
+        of_rows(np.log(np.clip(BEGIN_SHARE, least, most))[None]),
+        initial_sd,
+    )
+    samples = data.step.shape[1]
+    steps = max(1, min(round(horizon / interval), samples // 4))
+    begins, measured = np.arange(0, samples - 1, max(1, steps // 2)), shown_by(data)
+    weights = 1.0 / np.arange(1, steps + 1)
+
+    def cost(z: Float[np.ndarray, "rows d"]) -> Float[np.ndarray, " rows"]:
+        errors = errors_over(simulator, of_rows(z), data.step[0])
+        track = follow(motion, errors, measured, starts, initial_sd, begins)
+        far, total, belief = 0.0, 0.0, track
+        for lead, weight in enumerate(weights):
+            rows = np.minimum(begins + lead, samples - 2)
+            belief = predicted(belief, motion.at(rows), errors.at(rows))
+            mean, variance = observed(belief, motion.at(rows + 1), errors)
+            shown = np.where((begins + lead + 1 < samples)[:, None, None, None], measured[rows + 1], np.nan)
+            score = np.log(variance) + (shown - mean) ** 2 / variance
+            far = far + weight * np.nansum(score, (0, 1, 3))
+            total += weight * np.isfinite(shown).sum()
+        result = 0.5 * (np.isfinite(measured).sum() * 0.5 * far / total - track.log_density.sum(0))
+        return np.where(np.isfinite(result), result, 1e300)
+
+    def descent(z: np.ndarray) -> tuple[float, np.ndarray]:
+        moved = cost(np.vstack([z, z + DIFFERENCE * np.eye(z.size)]))
+        return float(moved[0]), (moved[1:] - moved[0]) / DIFFERENCE
+
+    bounds = list(zip(np.log(least), np.log(most) - DIFFERENCE, strict=True))
+    options = {"maxiter": MAX_ITERATIONS, "ftol": 1e-6}
+    # Errors of sensors and forces may stand for each other: the search begins once at little of the ones, once at little of the others.
+    ends = []
+    for few in (drift_name(""), disturbance_name("")):
+        share = [FEW_SHARE if name.startswith(few) and "_time_" not in name else BEGIN_SHARE for name in search]
+        first = np.log(np.clip(share, least, most))
+        ends.append(
+            scipy.optimize.minimize(descent, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+        )
+    best = min(ends, key=lambda one: one.fun)
+    return dict(zip(search, map(float, scale * np.exp(best.x)), strict=True))
+
+
+def initial_sd_of(likelihood: OutputError | FilterError, first_sd: Mapping[str, float]) -> Float[np.ndarray, " states"]:
+    """Return the standard deviation of each state at the first sample, SI: that of a filter, or as given."""
+    if isinstance(likelihood, FilterError):
+        return np.array(likelihood.initial_sd)
+    return np.array([first_sd.get(state, UNSEEN_SD) for state in likelihood.model.states])
+
+
+@lru_cache(maxsize=16)
+def _pieces(simulator: Simulator):
+    """Return the compiled function of draws' values, errors, beginnings, controls and steps: states and what is shown ahead."""
+    axes, channels = simulator.model.disturbance_axes, [sensor.channel for sensor in simulator.sensors]
+    n, a = len(simulator.model.states), len(axes)
+    times = [*map(disturbance_time_name, axes), *map(drift_time_name, channels)]
+
+    def of_piece(values: Mapping[str, Any], errors: Mapping[str, Any], begin: Array, held: tuple, step: Array):
+        move, show = functions_of(simulator, values)
+
+        def advance(known: Array, sample: tuple) -> tuple[Array, tuple[Array, Array]]:
+            held, step = sample
+            state, fading = known[:n], known[n:]
+            parts = [over_step(1.0, errors[time], step) for time in times]
+            mean = jnp.stack([part.mean for part in parts])
+            memory = jnp.stack([part.memory for part in parts])
+            moved = move(state, (mean * fading)[:a], held, step)
+            return jnp.concatenate([moved, memory * fading]), (state, show(state, fading[:a], held) + fading[a:])
+
+        return jax.lax.scan(advance, begin, (held, step))[1]
+
+    @program
+    def of_draws(values: Mapping[str, Any], errors: Mapping[str, Any], begins: Array, held: tuple, step: Array):
+        of_begins = jax.vmap(of_piece, (None, None, 0, 0, 0))
+        return jax.vmap(of_begins, (0, None, 0, 0, None))(values, errors, begins, held, step)
+
+    return of_draws
