@@ -224,12 +224,13 @@ def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
     """Return what a ± contains beside the noise."""
     if not budget.tried:
         return "± contains the noise alone; the process noise stands for errors of the model"
-    sizes = {
-        f"inertia {percent(stated.inertia)}": stated.inertia,
-        f"scale of speed sensors {percent(stated.scale)}": stated.scale,
-        f"time of commands {stated.clock:g} sample{'s' * (stated.clock > 1)}": stated.clock,
+    words = {
+        "inertia": f"inertia {percent(stated.inertia)}",
+        "scale": f"scale of speed sensors {percent(stated.scale)}",
+        "clock": f"time of commands {stated.clock:g} sample{'s' * (stated.clock > 1)}",
     }
-    inputs = listed([words for words, size in sizes.items() if size]) or "taken as exact"
+    kinds = {one.kind for one in budget.stated}
+    inputs = listed([one for kind, one in words.items() if kind in kinds]) or "taken as exact"
     return (
         f"± contains noise, also slow noise; stated inputs ({inputs}); differences between runs; and {len(budget.tried)} effects that the "
         "model may lack. Other effects can move values further."

@@ -328,7 +328,7 @@ def _run(
     words = design_words(sweep.family, chosen.amplitude, chosen.period)
     after = dict(zip(designs.names, sweep.final_sd[at], strict=True))
     shrink = ", ".join(
-        f"{name} from {percent(one.sd / abs(one.mean))} to {percent(float(np.hypot(sd, one.rest)) / abs(one.mean))}"
+        f"{name} from {percent(one.sd / abs(one.mean))} to {percent(min(one.sd, float(np.hypot(sd, one.rest))) / abs(one.mean))}"
         for name, sd in after.items()
         if (one := known.get(name)) is not None
     )
