@@ -99,7 +99,9 @@ class Ours:
     about: Mapping[str, float]
     about_sd: Mapping[str, float]
     note: str
-    _forecasters: dict[int, Forecaster] = field(default_factory=dict)
+    _forecasters: dict[int, Forecaster] = field(
+        default_factory=dict
+    )  # By the longest horizon that each is for, samples
 
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:
         """See `Fitted`."""
@@ -110,10 +112,10 @@ class Ours:
             whole = predict(self.posterior, self.draws, record, start=start, first_sd=known_by, n=RUN_DRAWS, key=key)
             return Predicted(whole.mean, whole.sd)
         steps = max(end - begin for begin, end in stretches)
-        if steps not in self._forecasters:
+        if steps > max(self._forecasters, default=0):
             horizon = steps * float(np.median(record.step))
             self._forecasters[steps] = make_forecaster(self.posterior, self.draws, horizon, known_by)
-        ahead = self._forecasters[steps].forecast(
+        ahead = self._forecasters[max(self._forecasters)].forecast(
             record, [begin for begin, _ in stretches], steps, start=start, key=key
         )
         mean = np.full((record.time.size, len(campaign.channels)), np.nan)

@@ -1,7 +1,6 @@
 """What is said of held-back runs that are too few, too short, too much alike, too still, or in other units."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +13,6 @@ from seatrial.campaign.inference.judge_predictions import (
     _fitted,
     _predict,
     _setting,
-    _unseen,
     disowned,
     fit_complaints,
     held_back_alarms,
@@ -89,7 +87,9 @@ def test_a_slow_error_that_no_short_run_shows_alone_is_found_in_all_together(kno
         both.append(replace(record, measurement=record.measurement + 0.017 * np.array(slow)[:, None]))
 
     def doubt(records):
-        return disowned(_fitted(_setting(campaign), [_predict(campaign, drawn, record) for record in records]))
+        return disowned(
+            _fitted(_setting(campaign), [_predict(campaign, drawn, record) for record in records], lambda *_: {})
+        )
 
     assert doubt(white) == ""
     assert [doubt([one]) for one in both[:3]] == [""] * 3
@@ -157,22 +157,3 @@ def test_what_the_campaign_has_is_not_said_to_be_missing(known):
         estimation=campaign.estimation.model_copy(update={"residuals": "coloured"}),
     )
     assert _setting(has).lacks["u"] == ("add-term", "filter-error")
-
-
-def test_states_that_no_sensor_shows_are_named_where_a_run_is_lost(known):
-    _, trials, _ = known
-    simulator = SimpleNamespace(model=SimpleNamespace(states=("u", "v", "r")))
-    said = _unseen(SimpleNamespace(likelihood=simulator, record=trials.fit[0]))
-    assert said.endswith("not measured: v and r")
-    simulator.model.states = ("u",)
-    assert _unseen(SimpleNamespace(likelihood=simulator, record=trials.fit[0])) == ""
-
-
-def test_states_of_actuators_are_named_by_what_they_are():
-    """Eight thrusters with a lag have eight states that no log holds."""
-    states = ("u", "theta", *(f"f_{number}_act" for number in range(1, 9)))
-    predicted = SimpleNamespace(
-        likelihood=SimpleNamespace(model=SimpleNamespace(states=states)), record=SimpleNamespace(measured=("u",))
-    )
-    said = _unseen(predicted)  # pyright: ignore[reportArgumentType]
-    assert said.endswith("not measured: theta and what the actuators with a lag have reached")

@@ -11,11 +11,11 @@ from seatrial.messages.entry import Entry, Remedy
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.prediction import fit_verdict, pooled_coverage
+    from seatrial.estimation.prediction import fit_verdict, pooled_coverage, short_horizon
 
     return {
         name: value
-        for file in (fit_verdict, pooled_coverage)
+        for file in (fit_verdict, pooled_coverage, short_horizon)
         for name, value in vars(file).items()
         if isinstance(value, float)
     }
@@ -221,12 +221,18 @@ ENTRIES = {
     "course-left": Entry(
         title="Unstable course",
         sentence="{words}",
-        meaning="A small error of the start grows, so that no model predicts a whole run.",
-        decided="The model is right over short horizons, and a small error grows along the run.",
+        meaning="The model has an eigenvalue above 0 about the steady motion of the run, so that controls alone predict no whole run. "
+        "It is judged over stretches.",
+        decided="A small error grows {MIN_GROWTH:g} times along the run, which is not predicted as a whole. It is an alarm if stretches "
+        "are not predicted either: less than {MIN_EXPLAINED:.0%} of the variance, or less than by holding the measured value.",
         example=_example(
             "course-left",
             "caution",
-            {"words": "the vehicle leaves its course by itself", "horizon": 8.0},
+            {
+                "words": "the fitted model leaves its course by itself: a small error grows by e in 17 s (eigenvalue +0.06 1/s), so that "
+                "controls alone cannot predict 150 s of it",
+                "horizon": 8.0,
+            },
             "filter-error",
         ),
         remedies=("filter-error", "split-runs"),

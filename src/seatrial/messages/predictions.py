@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from seatrial.core.display_units import plain, shown_unit
+from seatrial.core.display_units import shown_unit
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO, MAX_CHANCE, Comparison, PooledScore
 from seatrial.estimation.prediction.fitted_range import Outside
 
@@ -58,8 +58,15 @@ def outside_text(one: Outside) -> str:
     return f"{one.name} {way} {one.furthest * factor:.3g} {unit} where the fit saw {edge * factor:.3g}"
 
 
-def horizon_text(near: "ShortHorizon", channel: str) -> str:
-    """Return how far ahead a channel is predicted, and why no further."""
+def horizon_text(near: "ShortHorizon", channel: str, rate: float = 0.0, duration: float = 0.0) -> str:
+    """Return how far ahead a channel is predicted, and why no further.
+
+    Args:
+        near: scores over a short horizon.
+        channel: measured signal.
+        rate: at which a small error grows in the model, 1/s, where that leaves its course by itself; else 0.
+        duration: of the record, s.
+    """
 
     def share(value: float) -> str:
         if value > 0.999:
@@ -70,11 +77,14 @@ def horizon_text(near: "ShortHorizon", channel: str) -> str:
         f"over {near.horizon:.2g} s {share(near.explained)} of the variance of {channel} is explained, one sample ahead "
         f"{share(near.one_step)} (by holding the measured value {share(near.held)} and {share(near.one_step_held)})"
     )
+    if rate > 0:
+        return (
+            f"the fitted model leaves its course by itself: a small error grows by e in {1 / rate:.2g} s (eigenvalue {rate:+.2g} 1/s), "
+            f"so that controls alone cannot predict {duration:.0f} s of it; {ahead}"
+        )
     if not near.is_good:
         return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
-    grown = f", a small error grows {plain(near.growth)} times along it" if np.isfinite(near.growth) else ""
-    why = f"the vehicle leaves its course by itself{grown}" if near.leaves else "errors add up along the run"
-    return f"{why}: {ahead}"
+    return f"errors add up along the run: {ahead}"
 
 
 def score_lines(one: Comparison) -> list[str]:

@@ -1,7 +1,8 @@
 """How well the estimated vehicle predicts records, those it was fitted to and those held back, and whether that will do."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,16 +11,14 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.posterior import first_sd, initial_state, posterior_of_one
+from seatrial.campaign.inference.posterior import build_posterior, first_sd, initial_state, posterior_of_one
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.dataset import Dataset
-from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
-from seatrial.core.signals import ACTUAL
 from seatrial.estimation.prediction.fit_verdict import (
     LEVELS,
     POOR,
@@ -29,6 +28,7 @@ from seatrial.estimation.prediction.fit_verdict import (
     worst,
 )
 from seatrial.estimation.prediction.fitted_range import outside_fitted
+from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
 from seatrial.estimation.prediction.pooled_coverage import (
     Pooled,
     pooled_verdict,
@@ -38,13 +38,22 @@ from seatrial.estimation.prediction.pooled_coverage import (
 )
 from seatrial.estimation.prediction.prediction import Prediction, predict
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, integrated_correlation, new_residuals
-from seatrial.estimation.prediction.short_horizon import ShortHorizon, short_horizons
+from seatrial.estimation.prediction.short_horizon import (
+    HORIZON,
+    MAX_RECORD_SHARE,
+    MIN_GROWTH,
+    ShortHorizon,
+    growth_rate,
+    short_horizons,
+)
 from seatrial.estimation.simulation.sensor_errors import Noise
 from seatrial.messages.predictions import explained_short, horizon_text, outside_text
 from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
+# Codes of findings that a model may earn by leaving its course.
+OF_UNSTABLE = ("prediction-diverges", "errors-beyond-stated", "band-too-narrow", "predicted-poorly", "fitted-poorly")
 CURVES = ("time", "measured", "mean", "motion_sd", "sd")  # What is kept of a prediction at each sample
 
 
@@ -59,7 +68,8 @@ class HeldBack(NamedTuple):
 def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
     """Predict the records that were not fitted; nothing is stored."""
     predicted, setting = [_predict(campaign, drawn, record) for record in trials.predict], _setting(campaign)
-    fits = [fit for one in predicted for fit in _fits(setting, one, trials.fit)]
+    ahead = _forecast_by(campaign, drawn, trials.fit)
+    fits = [fit for one in predicted for fit in _fits(setting, one, ahead, trials.fit)]
     return HeldBack(tuple(fits), _pooled(setting, predicted, fits), tuple(map(_curves, predicted)))
 
 
@@ -86,8 +96,9 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
     def predict() -> Predictions:
         records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
         predicted = [_predict(campaign, estimate, record) for record in records]
-        fits = _fitted(setting, predicted[:count])
-        fits += [fit for one in predicted[count:] for fit in _fits(setting, one, trials.fit)]
+        ahead = _forecast_by(campaign, estimate, trials.fit)
+        fits = _fitted(setting, predicted[:count], ahead)
+        fits += [fit for one in predicted[count:] for fit in _fits(setting, one, ahead, trials.fit)]
         held_back = HeldBack(tuple(fits), _pooled(setting, predicted[count:], fits), tuple(map(_curves, predicted)))
         return predictions_of(campaign.channels, estimate.structure, records, trials.predict, held_back)
 
@@ -274,47 +285,85 @@ def _setting(campaign: Campaign) -> _Setting:
     return _Setting(noise, bool(campaign.autopilot.loops), lacks, for_short)
 
 
-def _fits(setting: _Setting, predicted: Prediction, fitted: Sequence[Record] | None = None) -> list[Fit]:
+# `(record, horizon) ->` how each channel of a record is forecast so many seconds ahead.
+ForecastBy = Callable[[Record, float], Mapping[str, ShortHorizon]]
+
+
+def _forecast_by(campaign: Campaign, drawn: Drawn, fitted: Sequence[Record]) -> ForecastBy:
+    """Return what forecasts records by their measurements; the errors that remain are found once for each horizon."""
+
+    @cache
+    def forecaster(horizon: float) -> Forecaster:
+        posterior = build_posterior(campaign, drawn.structure, fitted)
+        known = {state: first_sd(campaign.noise, state) for state in posterior.likelihood.model.states}
+        return make_forecaster(posterior, dict(zip(drawn.names, drawn.draws().T, strict=True)), horizon, known)
+
+    def ahead(record: Record, horizon: float) -> Mapping[str, ShortHorizon]:
+        chosen = forecaster(float(f"{horizon:.1g}"))
+        start = initial_state(campaign, chosen.posterior.likelihood.model, record)
+        return short_horizons(chosen, record, horizon, start)
+
+    return ahead
+
+
+def _fits(
+    setting: _Setting, predicted: Prediction, forecast: ForecastBy, fitted: Sequence[Record] | None = None
+) -> list[Fit]:
     """Every channel of one record, scored and judged; `fitted` are those that were, if the record was not."""
     held_back, record = fitted is not None, predicted.record
     outside = () if fitted is None else tuple(map(outside_text, outside_fitted(fitted, record)))
     scores = {channel: predicted.score(channel) for channel in setting.noise}
+    verdicts = {
+        channel: judge_fit(
+            score,
+            channel,
+            held_back,
+            setting.noise[channel],
+            bool(outside),
+            setting.lacks[channel],
+            setting.has_feedback,
+        )
+        for channel, score in scores.items()
+    }
+    duration = float(record.time[-1] - record.time[0])
+    output, values = predicted.likelihood.output, predicted.values
+    own = {name: float(column[0]) for name, column in output.apart(values).items()}
+    rate = growth_rate(output.model, {**values, **own}, record)
+    is_unstable = rate * duration > np.log(MIN_GROWTH)
     # A whole record is lost where it is not predicted, though there is motion to predict.
     lost = [
         channel
         for channel, one in scores.items()
-        if held_back
-        and (one.missing == DIVERGES or (not one.missing and one.explained < POOR and one.noise_share < POOR))
+        if (is_unstable and verdicts[channel].code in OF_UNSTABLE)
+        or (
+            held_back
+            and (one.missing == DIVERGES or (not one.missing and one.explained < POOR and one.noise_share < POOR))
+        )
     ]
-    ahead: dict[str, ShortHorizon] = {}
-    if lost:  # from states measured along the way; nothing where they are not measured
-        output, values = predicted.likelihood.output, predicted.values
-        own = {name: float(column[0]) for name, column in output.apart(values).items()}
-        ahead = short_horizons(output.simulator, {**values, **own}, record, output.starts_over_ground) or {}
+    horizon = min(1 / rate if is_unstable else HORIZON, MAX_RECORD_SHARE * duration)
+    ahead = forecast(record, horizon) if lost else {}
     fits = []
     for channel, score in scores.items():
-        near = ahead.get(channel) if channel in lost else None
-        words = horizon_text(near, channel) if near is not None else _unseen(predicted) if channel in lost else ""
-        remedies = setting.for_short if near is not None and near.is_good else ()
-        if near is not None and near.leaves:
-            values = {"words": words, "horizon": near.horizon}
-            verdict, words = Finding("course-left", "caution", (channel,), values, remedies), ""
-        else:
-            noise, lacks = setting.noise[channel], setting.lacks[channel]
-            verdict = judge_fit(score, channel, held_back, noise, bool(outside), lacks, setting.has_feedback)
-            if remedies and near is not None:
+        near, verdict = ahead.get(channel) if channel in lost else None, verdicts[channel]
+        words = "" if near is None else horizon_text(near, channel, rate * is_unstable, duration)
+        if near is not None:
+            remedies = setting.for_short if near.is_good else ()
+            if is_unstable:
+                level, said = "caution" if near.is_good else "alarm", {"words": words, "horizon": near.horizon}
+                verdict, words = Finding("course-left", level, (channel,), said, remedies), ""
+            elif remedies:
                 verdict = replace(verdict, remedies=(*verdict.remedies, *remedies)).among(horizon=near.horizon)
         of = {"record": record.label, "held_back": held_back, "channel": channel, "outside": outside, "ahead": words}
         fits.append(Fit(**vars(score), **of, verdict=verdict))
     return fits
 
 
-def _fitted(setting: _Setting, predicted: Sequence[Prediction]) -> list[Fit]:
+def _fitted(setting: _Setting, predicted: Sequence[Prediction], forecast: ForecastBy) -> list[Fit]:
     """Every channel of the fitted records, scored and judged.
 
     A correlation that each record alone is too short to show, and all together show, is a finding about each.
     """
-    fits = [fit for one in predicted for fit in _fits(setting, one)]
+    fits = [fit for one in predicted for fit in _fits(setting, one, forecast)]
     for column, (channel, noise) in enumerate(setting.noise.items()):
         of = channel, False, noise, setting.has_feedback
         own = [at for at, fit in enumerate(fits) if fit.channel == channel]
@@ -339,15 +388,6 @@ def _new_residuals(predicted: Prediction, column: int) -> tuple[np.ndarray, np.n
 
 def _curves(predicted: Prediction) -> dict[str, np.ndarray]:
     return {name: getattr(predicted, name) for name in CURVES}
-
-
-def _unseen(predicted: Prediction) -> str:
-    """Say which states would have to be measured for scores over short horizons; empty where all are."""
-    unseen = [name for name in predicted.likelihood.model.states if name not in predicted.record.measured]
-    if any(name.endswith(ACTUAL) for name in unseen):
-        unseen = [*(name for name in unseen if not name.endswith(ACTUAL)), "what the actuators with a lag have reached"]
-    words = "it has no scores over short horizons, which begin at measured states; not measured:"
-    return f"{words} {listed(unseen)}" if unseen else ""
 
 
 def _pooled(setting: _Setting, predicted: Sequence[Prediction], fits: Sequence[Fit]) -> tuple[Pooled, ...]:

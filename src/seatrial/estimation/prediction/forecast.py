@@ -161,7 +161,8 @@ class Forecaster:
         local = linear(simulator, middle, path.mean(0), tuple(column.mean(0) for column in held), ahead)
         variance = variances(local, simulator, errors, ahead, track.cov.mean(1), steps)
         beyond = ~inside[:, 1 : steps + 1, None]
-        mean, sd = shown.mean(0), np.sqrt(variance + shown.var(0))
+        with np.errstate(over="ignore", invalid="ignore"):
+            mean, sd = shown.mean(0), np.sqrt(variance + shown.var(0))
         return Forecast(record, output.channels, begins, np.where(beyond, np.nan, mean), np.where(beyond, np.nan, sd))
 
     @property

@@ -223,6 +223,7 @@ def observed(belief: Belief, motion: Motion, errors: Errors) -> tuple[np.ndarray
     return mean, ((seen @ belief.cov) * seen).sum(-1) + errors.noise**2
 
 
+@np.errstate(over="ignore", invalid="ignore")  # A model that diverges has no forecast, which is not finite.
 def follow(
     motion: Motion,
     errors: Errors,
@@ -273,6 +274,7 @@ def follow(
     return Belief(means, covs, density)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def variances(
     motion: Motion,
     simulator: Simulator,

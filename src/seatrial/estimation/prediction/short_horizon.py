@@ -1,42 +1,44 @@
-"""How well a record is predicted over short horizons, from its measured state again and again, where the whole of it is not.
+"""How well a record is forecast over short horizons, where the whole of it is not, and whether the model leaves its course by itself.
 
-Beside each share explained stands that of holding the value measured at the restart, since one sample ahead nearly any model is right.
-Whether the vehicle leaves its course by itself is asked of the model: how a small error of the start grows along the record.
+Beside each share explained stands that of holding the value measured where a forecast begins, since one sample ahead nearly any model is
+right. About a steady motion an error of the model grows or fades as e^(s t), with s the eigenvalues of its derivative there (Routh).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Complex, Float
 
-from seatrial.compiled.batching import bucket_length, filled
-from seatrial.compiled.programs import program
 from seatrial.core.record import Record
-from seatrial.core.signals import RATES
-from seatrial.estimation.simulation.delayed_control import delay_control
-from seatrial.estimation.simulation.simulator import CURRENT, Simulator
+from seatrial.core.signals import QUATERNION
+from seatrial.estimation.prediction.forecast import Forecast, Forecaster
+from seatrial.estimation.simulation.starts import level_start
+from seatrial.vehicles.model import Params, VehicleModel
 
 HORIZON, MAX_RECORD_SHARE = 10.0, 0.1  # Longest horizon, s, and the share of a record that it is at most
 MIN_STEPS = 3  # Samples of a horizon, at least
 # Share of variance explained over short horizons from which on the model is right for as long as these
 MIN_EXPLAINED = 0.8
 MIN_GROWTH = 3.0  # Growth of a small error along a record from which on a vehicle leaves its course by itself
+# States of motions that are coupled in a steady one; angles keep a vehicle upright, and are left out with their motions where they are no
+# states.
+GROUPS = (("u",), ("v", "r"), ("v", "p", "phi", "r"), ("w", "q", "theta"))
+DRAWS, MAX_BEGINS = 8, 500  # Draws, and samples from which one sample ahead is forecast
 
 
 @dataclass(frozen=True)
 class ShortHorizon:
-    """How one channel is predicted from states measured along the way.
+    """How one channel is forecast by what was measured before.
 
     Attributes:
         horizon: s.
         explained: share of the channel's variance explained over horizons of that length, one after another.
-        held: the same of holding the value measured at each restart.
+        held: the same of holding the value measured at each beginning.
         one_step: share explained one sample ahead.
         one_step_held: the same of holding the value.
-        growth: by how much a small error of the start grows along the record in the model; infinite where it runs away.
     """
 
     horizon: float
@@ -44,12 +46,6 @@ class ShortHorizon:
     held: float
     one_step: float
     one_step_held: float
-    growth: float
-
-    @property
-    def leaves(self) -> bool:
-        """Whether the vehicle leaves its course by itself, and is well predicted until it has."""
-        return self.growth >= MIN_GROWTH and self.is_good
 
     @property
     def is_good(self) -> bool:
@@ -58,126 +54,87 @@ class ShortHorizon:
 
 
 def short_horizons(
-    simulator: Simulator, values: Mapping[str, float], record: Record, starts_over_ground: bool = False
-) -> dict[str, ShortHorizon] | None:
-    """Predict a record from its measured states over a short horizon and one sample ahead.
+    forecaster: Forecaster, record: Record, horizon: float, start: Sequence[float] | None = None
+) -> dict[str, ShortHorizon]:
+    """Forecast a record over a short horizon and one sample ahead, again and again.
 
     Args:
-        simulator: vehicle and sensors.
-        values: of all parameters by name, SI.
-        record: with channels for the sensors.
-        starts_over_ground: whether measured speeds are over ground, so that the current is taken off them.
+        forecaster: of the fitted records.
+        record: fitted or not.
+        horizon: s.
+        start: state at the first sample, SI.
 
     Returns:
-        the scores of each sensor's channel that moves; None where a state is not measured, or the record is too short.
+        the scores of each sensor's channel that moves; empty where the horizon has too few samples.
     """
-    states = simulator.model.states
-    if not set(states) <= set(record.measured) or record.time.size < 2:
-        return None
-    start = np.column_stack([record.channel(state) for state in states])
-    if simulator.current and starts_over_ground:
-        start[:, states.index("u")] -= values[CURRENT]
-    control = [record.channel(name) for name in simulator.model.controls]
-    if simulator.delay:
-        samples = np.asarray(values["delay"] / record.step[0])
-        control = [np.asarray(delay_control(column, samples)) for column in control]
-    direct = replace(simulator, delay=False)
-    horizon = min(HORIZON, MAX_RECORD_SHARE * float(record.time[-1] - record.time[0]))
+    channels = forecaster.posterior.likelihood.channels
+    measured = np.column_stack([record.channel(channel) for channel in channels])
     steps = round(horizon / float(np.median(record.step)))
-    known = np.flatnonzero(np.isfinite(start).all(axis=1))
-    if steps < MIN_STEPS or not known.size:
-        return None
-    measured = np.column_stack([record.channel(sensor.channel) for sensor in simulator.sensors])
-    # Restarts at least so many steps apart.
+    known = np.flatnonzero(np.isfinite(measured).all(axis=1))
+    if steps < MIN_STEPS or known.size < 2:
+        return {}
     chosen = []
     for index in known:
         if not chosen or index - chosen[-1] >= steps:
             chosen.append(int(index))
-    over, over_held = _errors(direct, values, start, control, record.step, measured, np.array(chosen), steps)
-    next_, next_held = _errors(direct, values, start, control, record.step, measured, known, 1)
-    growth = _growth(
-        direct, values, start[known[0]], [column[known[0] :] for column in control], record.step[known[0] :]
-    )
+    some = known[:: max(1, known.size // MAX_BEGINS)]
+    over, next_ = (forecaster.forecast(record, *one, start=start, n=DRAWS) for one in ((chosen, steps), (some, 1)))
     result = {}
-    for column, sensor in enumerate(simulator.sensors):
-        y = measured[:, column]
-        variance = float(np.nanvar(y))
-        shares: list[float] = (
-            [1.0 - _mean_square(errors[:, column]) / variance for errors in (over, over_held, next_, next_held)]
+    for column, channel in enumerate(channels):
+        variance = float(np.nanvar(measured[:, column]))
+        shares = (
+            [1.0 - square / variance for one in (over, next_) for square in _squares(one, measured, column)]
             if variance
             else []
         )
         if shares and np.isfinite(shares).all():
-            result[sensor.channel] = ShortHorizon(horizon, shares[0], shares[1], shares[2], shares[3], growth)
-    return result or None
+            result[channel] = ShortHorizon(horizon, *shares)
+    return result
 
 
-def _errors(
-    simulator: Simulator,
-    values: Mapping[str, float],
-    start: Float[np.ndarray, "n states"],
-    control: list[np.ndarray],
-    step: Float[np.ndarray, " n"],
-    measured: Float[np.ndarray, "n m"],
-    restarts: np.ndarray,
-    steps: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors of the prediction and of holding the value, `steps` samples after each restart, shape (k, m), NaN where unmeasured."""
-    rows = restarts[:, None] + np.arange(steps + 1)
-    inside = rows < len(step)
-    rows = np.minimum(rows, len(step) - 1)
-    padded = filled(rows, bucket_length(len(rows)))
-    steps_taken = np.where(filled(inside, len(padded)), step[padded], 0.0)
-    shown = _pieces(
-        simulator, dict(values), start[padded[:, 0]], tuple(column[padded] for column in control), steps_taken
+def steady_eigenvalues(
+    model: VehicleModel, values: Params, record: Record
+) -> dict[tuple[str, ...], Complex[np.ndarray, " states"]]:
+    """Return the eigenvalues of the model about the medians of a record's states and controls, 1/s, by the states that are coupled.
+
+    Args:
+        model: vehicle.
+        values: of all its parameters, SI.
+        record: with the controls of the vehicle, and what was measured of its states.
+    """
+    middle = {
+        name: float(np.nanmedian(record.channel(name)))
+        for name in (*record.controls, *record.measured)
+        if np.isfinite(record.channel(name)).any()
+    }
+    state = level_start(model, {**middle, "p": 0.0, "q": 0.0})
+    control = tuple(middle[name] for name in model.controls)
+
+    def rates(x: jax.Array) -> jax.Array:
+        return jnp.stack([jnp.asarray(one, float) for one in model.derivative(values, tuple(x), control)])
+
+    slopes = np.asarray(jax.jacfwd(rates)(jnp.asarray(state, float)))
+    result = {}
+    for group in GROUPS:
+        places = [model.states.index(name) for name in group if name in model.states]
+        upright = len(places) == len(group) or not set(QUATERNION) & set(model.states)
+        if places and upright:
+            eigenvalues = np.linalg.eigvals(slopes[np.ix_(places, places)])
+            result[tuple(model.states[i] for i in places)] = np.asarray(eigenvalues, complex)
+    return result
+
+
+def growth_rate(model: VehicleModel, values: Params, record: Record) -> float:
+    """Return the largest real part of `steady_eigenvalues`, 1/s: above 0, a small error grows by e in its inverse."""
+    return max(
+        (float(np.real(one).max()) for one in steady_eigenvalues(model, values, record).values()), default=-np.inf
     )
-    shown = np.asarray(shown)[: len(rows), 1:]
-    later = np.where(inside[:, 1:, None], measured[rows[:, 1:]], np.nan)
-    held = later - measured[rows[:, :1]]
-    return (later - shown).reshape(-1, measured.shape[1]), held.reshape(-1, measured.shape[1])
 
 
-def _growth(
-    simulator: Simulator,
-    values: Mapping[str, float],
-    start: Float[np.ndarray, " states"],
-    control: list[np.ndarray],
-    step: Float[np.ndarray, " n"],
-) -> float:
-    """Return the largest growth of a small error of one state, seen in the rates: over the last tenth beside the first."""
-    rates = [index for index, sensor in enumerate(simulator.sensors) if sensor.channel in RATES]
-    if not rates:
-        return 1.0
-    n, size = len(step), bucket_length(len(step))
-    starts = np.vstack([start, start + 1e-4 * np.diag(np.maximum(np.abs(start), 1e-2))])
-    columns = tuple(np.broadcast_to(filled(column, size), (len(starts), size)) for column in control)
-    shown = np.asarray(
-        _pieces(simulator, dict(values), starts, columns, np.broadcast_to(filled(step, size, 0.0), (len(starts), size)))
-    )[:, :n, rates]
-    if not np.isfinite(shown).all():
-        return float("inf")
-    moved = np.sqrt(np.sum((shown[1:] - shown[0]) ** 2, axis=2))
-    tenth = max(1, n // 10)
-    early, late = moved[:, :tenth].max(axis=1), moved[:, -tenth:].max(axis=1)
-    return float(np.max(late / np.maximum(early, 1e-300)))
-
-
-def _mean_square(errors: Float[np.ndarray, " k"]) -> float:
-    """Mean square of what is there; infinite where a prediction runs away, NaN where nothing is there."""
-    there = errors[~np.isnan(errors)]
+def _squares(one: Forecast, measured: Float[np.ndarray, "n m"], column: int) -> tuple[float, float]:
+    """Return the mean squares of the errors of a forecast, infinite where it runs away, and of holding the measured value."""
+    later, ahead = one.measured[..., column], one.mean[..., column]
+    there = np.isfinite(later)
+    left = np.where(np.isfinite(ahead), later - ahead, np.inf)[there]
     with np.errstate(over="ignore"):
-        return float(np.mean(there**2)) if there.size else float("nan")
-
-
-@program(static_argnums=0)
-def _pieces(
-    simulator: Simulator,
-    values: Mapping[str, Array],
-    starts: Float[Array, "k states"],
-    control: tuple[Float[Array, "k n"], ...],
-    step: Float[Array, "k n"],
-) -> Float[Array, "k n m"]:
-    """Outputs of many short simulations."""
-    return jax.vmap(lambda start, columns, h: simulator.outputs(values, start, columns, h))(
-        jnp.asarray(starts), control, step
-    )
+        return float(np.mean(left**2)), float(np.mean((later - measured[one.begins, column][:, None])[there] ** 2))
