@@ -121,7 +121,7 @@ class FirstAnswer:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
             made_of = shares_text(self.shares[name], self.causes.get(name, "")) if name in self.shares else ""
-            messages.append(f"  {name:<16} {numbers} {shown:<9} {made_of}".rstrip())
+            messages.append(f"  {name:<16} {numbers} {shown:<10} {made_of}".rstrip())
         messages += [f"  {text}" for text in self.contains]
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]

@@ -198,7 +198,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         for name in item.names:
             row = item.data.sel(parameter=name)
             factor, unit = campaign.shown(name, str(row["unit"].values))
-            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit:<9}"
+            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit:<10}"
             answer.say(f"  {name:<16} {numbers} {shares_text(item.shares(name), item.causes.get(name, ''))}".rstrip())
         words = [item.contains, *map(sentence, item.cause_findings)]
         answer.say("\n".join(f"  {line}" for line in words))

@@ -181,7 +181,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     shown = outcome.campaign.shown
     for row in summary.coefficients:
         factor, unit = shown(row.name, row.unit)
-        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit:<9}"
+        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit:<10}"
         answer.say(f"  {row.name:<16} {numbers} {shares_text(row.shares, row.cause)}".rstrip())
     answer.say(f"  {outcome.chosen.contains}")
     if not outcome.own_alarms:
