@@ -9,20 +9,22 @@ table in docs/term_probabilities.md and the numbers in docs/term_probabilities.j
 
 import argparse
 import json
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
+from scipy.special import expit, logit
 
 import seatrial as st
 from seatrial.core.files import write_text
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.selection.importance import ImportanceSettings, importance_evidence
 
 HERE = Path(__file__).parent
 STATE = HERE.parent / "outputs" / "term_probabilities"
@@ -40,6 +42,8 @@ OPTIONAL = {
     "X_0": st.Normal(0.0, 0.7),
 }
 NUISANCES = {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)}
+EDGES = (0.05, 0.25, 0.75, 0.95)
+"""Of the bins of stated probabilities."""
 CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
 OWN = st.Provenance("a plain loop", "")
 
@@ -130,23 +134,64 @@ def structures(records: list[st.Record]) -> tuple[list[tuple[bool, ...]], list[P
     ]
 
 
-def judge(present: list[bool], records: list[st.Record], stated: StatedErrors) -> dict:
-    """Return the truth and the log evidences of all structures: within the model, and their gains."""
+def judge(present: list[bool], records: list[st.Record], draws: int) -> dict:
+    """Return the truth and the log evidences of all structures: within the model, by Laplace or importance sampling, and their gains."""
     sets, posteriors = structures(records)
-    start = time.perf_counter()
     modes, near = [], None
     for one in posteriors[::-1]:  # the full one first
         mode = st.find_mode(one, 1, starts=16 if near else 256, tries=1 if near else 3, near=near)
         near = near or mode.by_name
         modes.insert(0, mode)
-    found = time.perf_counter()
-    gains = log_evidence_gains(posteriors, modes, stated)
+    pairs, size = [*zip(posteriors, modes, strict=True)], ImportanceSettings(draws, 1024)
+    full = [importance_evidence(one, jax.random.key(7), mode, size).log_value for one, mode in pairs] if draws else None
     return {
         "present": present,
         "sets": sets,
         "within": [mode.log_evidence for mode in modes],
-        "gain": gains,
-        "seconds": [found - start, time.perf_counter() - found],
+        "full": full,
+        "gain": log_evidence_gains(posteriors, modes, StatedErrors()),
+    }
+
+
+def probabilities(rows: list[dict], of: str = "within", with_errors: bool = True) -> np.ndarray:
+    """Return the probability of each term, shape (vehicles, terms)."""
+    result = []
+    for row in rows:
+        logs = np.array(row[of]) + (np.array(row["gain"]) if with_errors else 0.0)
+        weight = np.exp(logs - logs.max())
+        result.append(weight / weight.sum() @ np.array(row["sets"], float))
+    return np.clip(result, 1e-6, 1 - 1e-6)
+
+
+def scored(stated: np.ndarray, truth: np.ndarray) -> dict:
+    """Return how well stated probabilities, shape (vehicles, terms), agree with the truth.
+
+    The slope is that of a logistic regression of the truth on the logit of the probability, with the standard error of vehicles that are
+    independent of each other; the expected log score is the entropy of the stated probabilities.
+    """
+    x, (intercept, slope) = logit(stated), (0.0, 0.0)
+    for _ in range(50):
+        p = expit(intercept + slope * x)
+        design = np.stack([np.ones_like(x), x], -1)
+        curvature = np.einsum("vt,vti,vtj->ij", p * (1 - p), design, design)
+        each = np.einsum("vt,vti->vi", truth - p, design)
+        step = np.linalg.solve(curvature, each.sum(0))
+        intercept, slope = intercept + step[0], slope + step[1]
+        if np.abs(step).max() < 1e-9:
+            break
+    inverse = np.linalg.inv(curvature)
+    slope_error = float(np.sqrt((inverse @ each.T @ each @ inverse)[1, 1]))
+    score = -np.where(truth, np.log(stated), np.log1p(-stated)).mean(1)
+    expected = -(stated * np.log(stated) + (1 - stated) * np.log1p(-stated)).mean(1)
+    places = np.digitize(stated, EDGES)
+    bins = [(truth[places == i].mean(), stated[places == i].mean(), (places == i).sum()) for i in {*places.ravel()}]
+    return {
+        "vehicles": len(stated),
+        "slope": [float(slope), slope_error],
+        "score": float(score.mean()),
+        "expected": float(expected.mean()),
+        "difference_error": float((score - expected).std(ddof=1) / np.sqrt(len(stated))),
+        "bins": [[float(true), float(said), int(count)] for true, said, count in sorted(bins, key=lambda one: one[1])],
     }
 
 
@@ -154,16 +199,57 @@ def main() -> None:
     """Simulate and judge what is not done yet, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=200)
-    parser.add_argument("--arms", nargs="*", default=list(ARMS))
+    parser.add_argument("--full", type=int, default=10, help="vehicles with importance sampling too")
     asked = parser.parse_args()
     st.configure()
-    STATE.mkdir(parents=True, exist_ok=True)
+    results, rows = {}, []
     for number in range(asked.records):
-        for arm in asked.arms:
-            path = STATE / f"{arm}.json"
-            done = json.loads(path.read_text()) if path.exists() else []
-            if number == len(done):
-                write_text(path, json.dumps([*done, judge(*vehicle(arm, number), StatedErrors())]))
+        for arm in ARMS:
+            _judged(arm, number, 0)
+    for number in range(asked.full):
+        for arm in ARMS:
+            _judged(arm, number, 4096)
+    apart = []
+    for arm, about in ARMS.items():
+        done = _done(arm, 0)
+        truth = np.array([row["present"] for row in done])
+        for words, with_errors in (("within the model", False), ("with every error", True)):
+            one = results[f"{arm}, {words}"] = scored(probabilities(done, with_errors=with_errors), truth)
+            rows.append(_row(about.words, words, one))
+        if full := _done(arm, 4096):
+            apart.append(np.abs(probabilities(full, "full") - probabilities(full)).max())
+    results["largest difference of the full route"] = float(max(apart, default=np.nan))
+    write_text(HERE / "term_probabilities.json", json.dumps(results, indent=1) + "\n")
+    page = HERE / "term_probabilities.md"
+    heads = "| the model lacks | probabilities | vehicles | slope | log score | expected | "
+    heads += " | ".join(["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]) + " |\n"
+    before = page.read_text().split(RESULTS)[0]
+    write_text(page, f"{before}{RESULTS}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + "\n")
+
+
+def _judged(arm: str, number: int, draws: int) -> None:
+    """Judge a vehicle if that is not done yet."""
+    if number == len(done := _done(arm, draws)):
+        STATE.mkdir(parents=True, exist_ok=True)
+        write_text(_path(arm, draws), json.dumps([*done, judge(*vehicle(arm, number), draws)]))
+
+
+def _done(arm: str, draws: int) -> list[dict]:
+    return json.loads(_path(arm, draws).read_text()) if _path(arm, draws).exists() else []
+
+
+def _path(arm: str, draws: int) -> Path:
+    return STATE / f"{arm}{'-full' if draws else ''}.json"
+
+
+def _row(lacks: str, words: str, one: dict) -> str:
+    """Return one line of the table; of each bin the share that is true, and how many probabilities it has."""
+    slope, error = one["slope"]
+    cells = [""] * (len(EDGES) + 1)
+    for true, said, count in one["bins"]:
+        cells[int(np.digitize(said, EDGES))] = f"{true:.2f} of {count}"
+    numbers = f"{slope:.2f} ± {error:.2f} | {one['score']:.3f} | {one['expected']:.3f}"
+    return f"| {lacks} | {words} | {one['vehicles']} | {numbers} | " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

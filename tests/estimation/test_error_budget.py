@@ -19,7 +19,7 @@ from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.estimation.simulation.sensor_errors import Sensor
-from seatrial.estimation.simulation.trial_data import channel_data
+from seatrial.estimation.simulation.trial_data import FOREVER, channel_data
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import PROVENANCE
@@ -55,10 +55,14 @@ def test_sums_are_those_of_the_inverse_covariance(noise):
     there = np.isfinite(measured)
     channel = channel_data(time, measured)
     stacked = type(channel)(*(one[None] for one in channel))
-    shape = noise_shapes(Sensor("u", noise), values, stacked, (rows * there[:, None])[None])[0]
-    cov = covariances[noise][np.ix_(there, there)]
-    np.testing.assert_allclose(shape.products, rows[there].T @ np.linalg.solve(cov, rows[there]), rtol=1e-9)
-    assert 2 * shape.log_sd == pytest.approx(np.linalg.slogdet(cov)[1], rel=1e-9, abs=1e-12)
+    shapes = noise_shapes(Sensor("u", noise), values, stacked, (rows * there[:, None])[None])
+    known = [(shapes[0], covariances[noise])]
+    if noise == "white":
+        length = 5 * np.median(channel.gaps[channel.gaps < FOREVER])
+        known.append((shapes[2], np.eye(40) + 0.5**2 * np.exp(-apart / length) * (1 + apart / length)))
+    for shape, cov in ((one, cov[np.ix_(there, there)]) for one, cov in known):
+        np.testing.assert_allclose(shape.products, rows[there].T @ np.linalg.solve(cov, rows[there]), rtol=1e-8)
+        assert 2 * shape.log_sd == pytest.approx(np.linalg.slogdet(cov)[1], rel=1e-9, abs=1e-12)
 
 
 STEP, SAMPLES = 0.1, 900

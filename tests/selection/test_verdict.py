@@ -153,13 +153,16 @@ def test_a_verdict_changes_where_the_evidence_is_wrong_by_what_is_needed():
 
 def doubtful(difference=0.0, error=0.01):
     """An evidence in doubt, the other method of which is so far away."""
-    table = {"importance": {"difference": 0.0, "status": ""}, "smc": {"difference": difference, "status": ""}}
+    table = {
+        "importance": {"difference": 0.0, "status": "", "std_error": 0.01},
+        "smc": {"difference": difference, "status": "", "std_error": 0.2},
+    }
     return Evidence(0.0, error, "given", {"methods": table}, "in doubt")
 
 
 def test_doubt_is_the_largest_of_what_may_be_wrong():
     assert _doubt(Evidence(0.0, 0.9, "given")) == 0.0
-    assert _doubt(doubtful()) == pytest.approx(0.1)
+    assert _doubt(doubtful()) == pytest.approx(0.6, rel=0.01)
     assert _doubt(doubtful(-4.6)) == 4.6
     assert _doubt(doubtful(np.inf)) == 3.0
     assert _doubt(doubtful(error=0.7)) == pytest.approx(7.0)

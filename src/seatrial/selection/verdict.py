@@ -445,14 +445,15 @@ def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
 
 
 def _doubt(evidence: Evidence) -> float:
-    """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, and the difference of another sound method; 3
-    at least where there is none."""
+    """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, the difference of another method, and three
+    joint errors with one that is sound; 3 at least where there is none."""
     if not evidence.status:
         return 0.0
     table = evidence.diagnostics.get("methods", {})
     apart = [abs(one["difference"]) for one in table.values() if np.isfinite(one["difference"])]
-    sound = [one for one in table.values() if not one.get("status") and np.isfinite(one["difference"])]
-    return max(10.0 * np.nan_to_num(evidence.std_error), *apart, 0.0 if len(sound) > 1 else 3.0)
+    sound = [one["std_error"] for one in table.values() if not one["status"] and np.isfinite(one["difference"])]
+    blunt = 3.0 * float(np.linalg.norm(np.nan_to_num(sound))) if len(sound) > 1 else 3.0
+    return max(10.0 * np.nan_to_num(evidence.std_error), *apart, blunt)
 
 
 def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarray, " m"]]:

@@ -436,41 +436,59 @@ def noise_shapes(
     """
     where = channel.present, channel.gaps, channel.kind
     if sensor.noise == "coloured":
-        return [_sums(rows, *where, 1.0, values[correlation_name(sensor.channel)], 0.0)]
+        return [_sums(rows, *where, 1.0, values[correlation_name(sensor.channel)], 0.0, 0.0)]
     if sensor.noise != "drifting":
         gaps = np.asarray(channel.gaps)
         step = float(np.median(gaps[gaps < FOREVER])) if (gaps < FOREVER).any() else 1.0
-        slow = [(size, length * step) for size in SLOW for length in LENGTHS]
-        return [_sums(rows, *where, size, time, 1.0) for size, time in [(0.0, 1.0), *slow]]
+        slow = [(size, length * step, smooth) for size in SLOW for length in LENGTHS for smooth in (0.0, 1.0)]
+        return [_sums(rows, *where, size, time, 1.0, smooth) for size, time, smooth in [(0.0, 1.0, 0.0), *slow]]
     slow = values[drift_name(sensor.channel)] / values[noise_name(sensor.channel)]
-    return [_sums(rows, *where, shrunk * slow, values[drift_time_name(sensor.channel)], 1.0) for shrunk in SHRUNK]
+    return [_sums(rows, *where, shrunk * slow, values[drift_time_name(sensor.channel)], 1.0, 0.0) for shrunk in SHRUNK]
 
 
-def _sums(rows: Any, present: Any, gaps: Any, kind: Any, slow: Any, time: Any, white: Any) -> Shape:
-    products, log_sd = _whitened_sums(rows, present, gaps, kind, slow, time, white)
+def _sums(rows: Any, present: Any, gaps: Any, kind: Any, slow: Any, time: Any, white: Any, smooth: Any) -> Shape:
+    products, log_sd = _whitened_sums(rows, present, gaps, kind, slow, time, white, smooth)
     return Shape(np.asarray(products), float(log_sd))
 
 
 @program
 def _whitened_sums(
-    rows: Array, present: Array, gaps: Array, kind: Array, slow: Array, time: Array, white: Array
+    rows: Array, present: Array, gaps: Array, kind: Array, slow: Array, time: Array, white: Array, smooth: Array
 ) -> tuple[Array, Array]:
-    """Return the sums of products of what is new in each measurement, by a Kalman filter of one state, and of the logs of its sd."""
+    """Return the sums of products of what is new in each measurement, by a Kalman filter, and of the logs of its sd.
+
+    The slow part x has a correlation exp(-t / time), or, where it is smooth, as of a force that drifts and moves a mass, that times
+    1 + t / time: with its rate over that of the memory, y,
+
+        (x, y)' = exp(-t / time) [[1 + t / time, t / time], [-t / time, 1 - t / time]] (x, y) + noise
+    """
 
     def of_trial(rows: Array, present: Array, gaps: Array, kind: Array) -> tuple[Array, Array]:
-        memory = jnp.exp(-gaps / time)[kind]
+        past = jnp.minimum(gaps / time, 700.0)[kind]
 
         def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-            mean, variance = carry
-            row, here, left = sample
-            before = left * left * variance + slow**2 * (1.0 - left * left)
-            total = before + white**2
-            innovation, gain = row - left * mean, before / total
-            after = left * mean + gain * innovation, before * (1.0 - gain)
-            carry = jnp.where(here > 0, after[0], mean), jnp.where(here > 0, after[1], variance)
+            (mean, rate), (xx, xy, yy) = carry
+            row, here, t = sample  # the time since what was measured before
+            left, t = jnp.exp(-t), smooth * t
+            a, b, c, d = left * (1.0 + t), left * t, -left * t, left * (1.0 - t)
+            mean, rate = a * mean + b * rate, c * mean + d * rate
+            # What is lost of the covariance, that at rest being slow^2 of both, comes back as noise.
+            xx, xy, yy = xx - slow**2, xy, yy - slow**2
+            xx, xy, yy = (
+                a * a * xx + 2.0 * a * b * xy + b * b * yy + slow**2,
+                a * c * xx + (a * d + b * c) * xy + b * d * yy,
+                c * c * xx + 2.0 * c * d * xy + d * d * yy + slow**2,
+            )
+            total = xx + white**2
+            innovation, gain, along = row - mean, xx / total, xy / total
+            after = mean + gain * innovation, rate + along * innovation
+            after = after, (xx - gain * xx, xy - gain * xy, yy - along * xy)
+            carry = jax.tree.map(lambda new, old: jnp.where(here > 0, new, old), after, carry)
             return carry, (here * innovation / jnp.sqrt(total), here * 0.5 * jnp.log(total))
 
-        _, (new, log_sd) = jax.lax.scan(advance, (jnp.zeros(rows.shape[1]), jnp.zeros(())), (rows, present, memory))
+        zero = jnp.zeros(rows.shape[1])
+        start = (zero, zero), (slow**2 * jnp.ones(()), jnp.zeros(()), slow**2 * jnp.ones(()))
+        _, (new, log_sd) = jax.lax.scan(advance, start, (rows, present, past))
         return new.T @ new, log_sd.sum()
 
     products, log_sd = jax.vmap(of_trial)(rows, present, gaps, kind)

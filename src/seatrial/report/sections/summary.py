@@ -208,6 +208,8 @@ def _models(outcome: Outcome) -> list[dict[str, Any]]:
     if count := max(0, len(order) - MAX_MODELS):
         rest = float(selection.probability[order[MAX_MODELS:]].sum())
         named.append((Markup(f"{count} other model{'s' * (count > 1)}"), "", rest))
+    if selection.outside:
+        named.append((Markup("models that were screened out"), "", selection.outside))
     rows = [{"name": name, "label": label, "share": p, "probability": probability(p)} for name, label, p in named]
     return rows if len(order) > 1 else []
 
