@@ -99,7 +99,7 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
     assert found["predict"].alarms == ()
     html = steps_html(tuple(found.values()))
     assert html.count('class="failed"') == 2
-    assert "nested sampling &lt;differs&gt;." in html
+    assert "nested sampling &lt;differs&gt;; a verdict" in html
 
 
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
