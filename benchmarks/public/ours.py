@@ -44,14 +44,13 @@ def fit_chosen(problem: Problem) -> Fitted:
     """Leave each fitted run out in turn, and fit the structure and model of the error that predict it best; `seatrial crossvalidate`.
 
     Raises:
-        InputError: fewer than three fitted runs.
+        InputError: too few measurements.
         NumericalError: no structure has a mode.
     """
     validated = cross_validate(problem.campaign, problem.trials, problem.reporter)
     fitted = _fit(problem, best_campaign(problem.campaign, problem.trials, validated))
-    return replace(
-        fitted, note=f"{fitted.note}; model of the error: {(validated.recommended or validated.own[0]).error_model}"
-    )
+    assert validated.chosen is not None  # else there were no best campaign
+    return replace(fitted, note=f"{fitted.note}; model of the error: {validated.chosen.error_model}")
 
 
 def _fit(problem: Problem, campaign: Campaign) -> "Ours":

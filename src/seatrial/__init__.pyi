@@ -80,7 +80,9 @@ from seatrial.sampling.run import Draws as Draws
 from seatrial.sampling.tempered_smc import SMCSettings as SMCSettings
 from seatrial.selection.compare import compare as compare
 from seatrial.selection.evidence import EvidenceSettings as EvidenceSettings
+from seatrial.selection.leave_one_run_out import leave_one_run_out as leave_one_run_out
 from seatrial.selection.log_evidence import log_evidence as log_evidence
+from seatrial.selection.stack import stacking_weights as stacking_weights
 from seatrial.selection.verdict import Evidence as Evidence
 from seatrial.selection.verdict import Selection as Selection
 from seatrial.vehicles.actuators import Actuator as Actuator

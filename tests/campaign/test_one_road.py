@@ -59,7 +59,7 @@ ROADS = {
     "rehearsal": ["simulate_trial", "replicate", "find_mode"],
     "profiles": ["profile_likelihood"],
     "criteria": ["aic", "bic", "psis_loo", "waic", "leave_future_out"],
-    "cross_validation": ["leave_one_run_out"],
+    "cross_validation": ["make_posterior", "find_mode", "leave_one_run_out"],
     "calibration": ["find_method", "replicate", "ranks_of"],
 }
 # Modules of campaigns that compute by JAX themselves, and what; all others leave that to the library.

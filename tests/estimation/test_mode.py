@@ -63,7 +63,7 @@ def two_peaks(values, data):
 def test_each_peak_is_climbed_once_and_the_highest_wins(likelihood, peaks, top, monkeypatch):
     """Of all 512 draws, only one on each side of the valley has anything to show; the prior pulls the narrow peak in by 1/2501."""
     climb, ends = module._maximise, []
-    monkeypatch.setattr(module, "_maximise", lambda *start: ends.append(climb(*start)) or ends[-1])
+    monkeypatch.setattr(module, "_maximise", lambda *start, **rest: ends.append(climb(*start, **rest)) or ends[-1])
     mode = find_mode(posterior({"a": Normal(0.0, 5.0)}, likelihood), KEY, tries=512)
     assert mode.values == pytest.approx([top], abs=1e-7)
     assert len(ends) == peaks
@@ -340,7 +340,9 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
     monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
     sizes, inner = [], module._maximise
     monkeypatch.setattr(
-        module, "_maximise", lambda post, *rest: sizes.append(post.data.step.shape[1]) or inner(post, *rest)
+        module,
+        "_maximise",
+        lambda post, *rest, **more: sizes.append(post.data.step.shape[1]) or inner(post, *rest, **more),
     )
     long = find_mode(target, KEY)
     assert sizes[0] == target.data.step.shape[1] // module.N_PARTS
@@ -355,10 +357,10 @@ def test_a_part_that_leads_nowhere_does_not_lose_the_whole(monkeypatch):
     monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
     length, inner = target.data.step.shape[1], module._maximise
 
-    def climb(post, *rest):
+    def climb(post, *rest, **more):
         if post.data.step.shape[1] < length:
             raise NumericalError("no derivative")
-        return inner(post, *rest)
+        return inner(post, *rest, **more)
 
     monkeypatch.setattr(module, "_maximise", climb)
     assert np.array_equal(find_mode(target, KEY).values, whole.values)

@@ -4,7 +4,8 @@ import numpy as np
 from scipy import stats
 
 from seatrial.estimation.posterior.record_posterior import make_posterior
-from seatrial.estimation.priors import Normal, half_normal
+from seatrial.estimation.priors import LogUniform, Normal, half_normal
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import DEDUCTION, MASS, naive_rk4
@@ -74,15 +75,27 @@ def design_of_runs(runs):
     return np.concatenate(columns), np.concatenate(mean)
 
 
-def exact_left_out(runs):
-    """Log density of each run given the others: all measurements are jointly normal."""
+def exact_left_out(runs, blocks=1):
+    """Log density of each run, or of each of some blocks of each, given all else: all measurements are jointly normal."""
     design, middle = design_of_runs(runs)
     cov = design @ design.T + NOISE**2 * np.eye(len(design))
     measured = np.concatenate([run[2] for run in runs])
     whole = stats.multivariate_normal(middle, cov).logpdf(measured)
     left = []
-    for i in range(len(runs)):
-        kept = np.arange(len(design)) // N != i
+    for i in range(len(runs) * blocks):
+        kept = np.arange(len(design)) // (N // blocks) != i
         part = stats.multivariate_normal(middle[kept], cov[np.ix_(kept, kept)])
         left.append(whole - part.logpdf(measured[kept]))
     return np.array(left)
+
+
+def drifting_posterior(without=()):
+    """Posterior of one run with white noise over a slow error, some of its samples not measured."""
+    rev, start, measured = linear_runs(1)[0]
+    measured = measured.copy()
+    measured[list(without)] = np.nan
+    record = make_trial(STEP * np.arange(N), rev, "run 0", u=measured)
+    model = whole_vehicle(FIXED_DRAG, ("T_nabsn", "X_0"), moves=("u",))
+    known = {name: Normal(*numbers) for name, numbers in PRIOR.items()} | {"u_0[run 0]": Normal(start, START_SD)}
+    known |= {"sigma_u": LogUniform(0.01, 0.2), "drift_u": LogUniform(0.01, 0.2), "drift_time_u": LogUniform(0.3, 9.0)}
+    return make_posterior(model, [record], known, [Sensor("u", noise="drifting")])

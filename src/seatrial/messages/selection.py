@@ -1,17 +1,81 @@
 """Messages about evidences and the choice between structures."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from seatrial.core.findings import Finding
 from seatrial.messages.entry import Entry, Remedy
 
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
+    from seatrial.selection.cross_validation import CLEAR, EXCLUDED, MAX_CHANCE
     from seatrial.selection.method_agreement import MAX_JOINT_ERRORS
+    from seatrial.selection.stack import SMALL
 
-    return {"MAX_JOINT_ERRORS": MAX_JOINT_ERRORS}
+    return {
+        "MAX_JOINT_ERRORS": MAX_JOINT_ERRORS,
+        "CLEAR": CLEAR,
+        "EXCLUDED": EXCLUDED,
+        "MAX_CHANCE": MAX_CHANCE,
+        "SMALL": SMALL,
+    }
+
+
+def _contradicted(values: Mapping[str, Any]) -> str:
+    text = "evidence and runs left out disagree: {subject:and} has probability {probability:.3f} by its evidence, but "
+    text += {
+        "all": "{other} predicts runs left out better by {delta:.1f} ± {std_error:.1f} nats",
+        "channel": "{other} simulates {where} of runs left out more closely, by a mean CRPS of {delta:.2g} ± {std_error:.2g}",
+        "run": "{other}, which it excludes, predicts {where} better from the others by {delta:.1f} nats: a chance of {chance:.0e} at most "
+        "if {subject:and} is right",
+    }[values["kind"]]
+    return f"{text}: do not rely on that probability"
 
 
 ENTRIES = {
+    "evidence-contradicted": Entry(
+        title="Runs left out contradict the evidence",
+        sentence=_contradicted,
+        meaning="The evidence trusts the model of the error. Where this is wrong, it can prefer a structure by many nats that predicts "
+        "another run worse.",
+        decided="Another structure predicts runs left out better by {CLEAR:g} standard errors and {SMALL:g} nats, or has a CRPS better by "
+        "{CLEAR:g} standard errors; or one of a probability below {EXCLUDED:g} predicts one run so much better that the chance of it "
+        "anywhere is {MAX_CHANCE:g} at most.",
+        example=Finding(
+            "evidence-contradicted",
+            "alarm",
+            ("M-0",),
+            {
+                "probability": 0.982,
+                "other": "M-1",
+                "kind": "all",
+                "where": "",
+                "delta": 32.0,
+                "std_error": 1.0,
+                "chance": 1e-14,
+            },
+        ),
+    ),
+    "error-model-better": Entry(
+        title="Another model of the error predicts better",
+        sentence='{subject:and} with the error model "{error_model}" ({words}) predicts runs left out better than the best structure as '
+        "stated, by {delta:.1f} ± {std_error:.1f} nats",
+        meaning="Each ± and probability depends on the model of the error, and another one describes runs left out better.",
+        decided="The difference exceeds its standard error over runs and {SMALL:g} nats.",
+        example=Finding(
+            "error-model-better",
+            "caution",
+            ("M-1",),
+            {
+                "error_model": "disturbance",
+                "words": "a force correlated in time",
+                "delta": 85.0,
+                "std_error": 12.0,
+            },
+            ("take-error-model",),
+        ),
+    ),
     "evidence-check-blunt": Entry(
         title="Check of an evidence too blunt",
         sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by {needed:.2g} nat; its check resolves "
@@ -36,6 +100,10 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "take-error-model": Remedy(
+        command="put the lines that `seatrial crossvalidate` prints into campaign.toml",
+        python="give its priors and sensors to make_posterior",
+    ),
     "sharpen-evidence": Remedy(
         command="raise `particles` or `repeats` of [selection]",
         python="raise `repeats`, or the particles of `smc`, of EvidenceSettings",

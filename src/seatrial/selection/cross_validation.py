@@ -1,19 +1,22 @@
 """Which structure, and which model of the error, predicts runs that were left out; results without JAX."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydantic import computed_field
 
+from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
+from seatrial.selection.stack import SMALL, Gap, mixture_score, paired, simplest, stacking_weights
 from seatrial.selection.structures import Structure
 
-# Standard errors, and nats, beyond which a difference is one: below four nats the standard error itself is unreliable
-# (Sivula, Magnusson and Vehtari 2020).
-CLEAR, SMALL = 2.0, 4.0
+CLEAR = 2.0  # Standard errors beyond which a difference is one
 OWN = "as stated"  # Name of the campaign's own model of the error
+EXCLUDED = 0.05  # Probability below which the evidence excludes a structure
+# Chance that a run is predicted so much better by another structure, at most, from which the one that the evidence prefers is contradicted.
+MAX_CHANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ class Candidate:
         words: what the model of the error says.
         lines: that make it in a campaign file; none for the campaign's own.
         left: each run as the others predict it; None if there is no result.
-        coefficients: value and standard deviation of each at the mode, SI.
+        parameters: value and standard deviation of each at the mode, SI.
         refused: why there is no result; empty if there is one.
     """
 
@@ -107,7 +110,7 @@ class Candidate:
     words: str
     lines: tuple[str, ...]
     left: LeaveOneRunOut | None = None
-    coefficients: tuple[tuple[str, float, float], ...] = ()
+    parameters: tuple[tuple[str, float, float], ...] = ()
     refused: str = ""
 
     @property
@@ -130,23 +133,66 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Gap:
-    """How much better one candidate scores than another, and its standard error from the differences of each run."""
+class Member:
+    """One candidate beside the others.
 
+    Attributes:
+        model: label of the structure.
+        error_model: name of the model of the error.
+        weight: in the mixture that predicts what was left out best.
+        delta: difference to the best in the sum of log densities, nats; 0 or less.
+        std_error: of the difference, over runs.
+        probability: by evidence, among the structures under the same model of the error.
+    """
+
+    model: str
+    error_model: str
+    weight: float
     delta: float
     std_error: float
+    probability: float
 
-    def is_clear(self, least: float = 0.0) -> bool:
-        """Whether it is beyond two standard errors and a least size."""
-        return self.delta > max(CLEAR * self.std_error, least)
+
+@dataclass(frozen=True)
+class Stack:
+    """All candidates with a result beside each other, the best first.
+
+    Attributes:
+        members: candidates.
+        chosen: place among them of the one with fewest terms within one standard error of the best (`simplest`).
+        gain: of the mixture over the best alone, nats.
+        contradicts: whether what was left out contradicts the evidence (`CrossValidation.contradictions`).
+    """
+
+    members: tuple[Member, ...]
+    chosen: int
+    gain: float
+    contradicts: bool
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Another structure that predicts better than the one that the evidence prefers.
+
+    Attributes:
+        kind: of all runs together ("all", nats), of a channel ("channel", mean CRPS, SI), or of one run ("run", nats).
+        other: name of the other.
+        where: channel, or run.
+        gap: how much better.
+    """
+
+    kind: str
+    other: str
+    where: str
+    gap: Gap
 
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """All candidates, each run left out in turn.
+    """All candidates, each run left out in turn, or each block of time.
 
     Attributes:
-        runs: labels.
+        runs: labels of what was left out.
         candidates: structures under the campaign's own model of the error first.
         cautions: what a reader must know.
     """
@@ -165,18 +211,91 @@ class CrossValidation:
         """Those under the campaign's own model of the error."""
         return [one for one in self.found if one.error_model == OWN]
 
-    @computed_field
     @property
-    def best(self) -> Candidate:
-        """The one that predicts runs left out best."""
-        return max(self.found, key=lambda one: one.total)
+    def ordered(self) -> list[Candidate]:
+        """Candidates that have a result, the best first."""
+        return sorted(self.found, key=lambda one: -one.total)
 
     @computed_field
+    @cached_property
+    def stack(self) -> Stack | None:
+        """Weights, and which is chosen; None where no candidate has a result."""
+        ordered = self.ordered
+        if not ordered:
+            return None
+        density = np.array([[run.elpd for run in one.result.runs] for one in ordered]).T
+        weights = stacking_weights(density)
+        gaps = [gap(one, ordered[0]) for one in ordered]
+        return Stack(
+            tuple(
+                Member(
+                    one.structure.label, one.error_model, float(w), apart.delta, apart.std_error, self.probability(one)
+                )
+                for one, w, apart in zip(ordered, weights, gaps, strict=True)
+            ),
+            simplest(
+                density,
+                ["" if one.error_model == OWN else one.error_model for one in ordered],
+                [len(one.structure.terms) for one in ordered],
+            ),
+            mixture_score(density, weights) - ordered[0].total,
+            bool(self.contradictions),
+        )
+
     @property
-    def recommended(self) -> Candidate | None:
-        """The best where it is clearly better than the best under the campaign's own model of the error, else None."""
-        clear = self.best.error_model != OWN and gap(self.best, self.own_best).is_clear(SMALL)
-        return self.best if clear else None
+    def chosen(self) -> Candidate | None:
+        """The one with fewest terms within one standard error of the best; None where no candidate has a result."""
+        return None if self.stack is None else self.ordered[self.stack.chosen]
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Return whether what was left out contradicts the evidence, and whether another model of the error is recommended."""
+        chosen, own, result = self.chosen, self.own_best, []
+        for one in self.contradictions[:1]:
+            likely = self.likely
+            assert likely is not None  # what is contradicted
+            values = {"probability": self.probability(likely), "other": one.other, "where": one.where, "kind": one.kind}
+            values |= {"delta": one.gap.delta, "std_error": one.gap.std_error, "chance": float(np.exp(-one.gap.delta))}
+            result.append(Finding("evidence-contradicted", "alarm", (likely.name,), values))
+        if chosen and own and chosen.error_model != OWN:
+            apart = gap(chosen, own)
+            values = {
+                "error_model": chosen.error_model,
+                "words": chosen.words,
+                "delta": apart.delta,
+                "std_error": apart.std_error,
+            }
+            remedies = ("take-error-model",)
+            result.append(Finding("error-model-better", "caution", (chosen.structure.label,), values, remedies))
+        return result
+
+    @property
+    def contradictions(self) -> list[Contradiction]:
+        """Where what was left out contradicts that the structure is right which the evidence prefers, the strongest kind first.
+
+        If it is, p_other / p_likely has the mean 1 over runs as it makes them, so that a run for which it is e^x has a chance of e^-x at
+        most (Markov's inequality), however few runs there are.
+        """
+        likely, best = self.likely, self.own_best
+        if likely is None or best is None:
+            return []
+        result = []
+        if best is not likely and (apart := gap(best, likely)).is_clear(CLEAR, SMALL):
+            result.append(Contradiction("all", best.name, "", apart))
+        for channel in likely.result.bands:
+            other = min(self.own, key=lambda one, channel=channel: one.result.mean_crps(channel))
+            closer = paired(likely.result.crps(channel), other.result.crps(channel), mean=True)
+            if other is not likely and closer.is_clear(CLEAR):
+                result.append(Contradiction("channel", other.name, channel, closer))
+        excluded = [one for one in self.own if self.probability(one) < EXCLUDED]
+        looks = len(excluded) * len(self.runs)
+        runs = [
+            Contradiction("run", one.name, run.label, Gap(run.elpd - before.elpd, 0.0))
+            for one in excluded
+            for run, before in zip(one.result.runs, likely.result.runs, strict=True)
+        ]
+        surprising = [one for one in runs if one.gap.delta > np.log(looks / MAX_CHANCE)]
+        return [*result, *sorted(surprising, key=lambda one: -one.gap.delta)]
 
     def probability(self, candidate: Candidate) -> float:
         """Return the probability by evidence of a structure among those under the same model of the error."""
@@ -186,23 +305,16 @@ class CrossValidation:
         return float(weights[same.index(candidate)] / weights.sum())
 
     @property
-    def likely(self) -> Candidate:
+    def likely(self) -> Candidate | None:
         """The one that the evidence prefers under the campaign's own model of the error."""
-        return max(self.own, key=lambda one: one.result.log_evidence)
+        return max(self.own, key=lambda one: one.result.log_evidence, default=None)
 
     @property
-    def own_best(self) -> Candidate:
+    def own_best(self) -> Candidate | None:
         """The one under the campaign's own model of the error that predicts runs left out best."""
-        return max(self.own, key=lambda one: one.total)
+        return max(self.own, key=lambda one: one.total, default=None)
 
 
 def gap(one: Candidate, other: Candidate) -> Gap:
     """Return how much better the first predicts runs left out, nats."""
     return paired(*([run.elpd for run in each.result.runs] for each in (one, other)))
-
-
-def paired(one: Sequence[float], other: Sequence[float], mean: bool = False) -> Gap:
-    """Return the sum, or the mean, of the differences of each run, and its standard error."""
-    apart = np.subtract(one, other)
-    total = Gap(float(apart.sum()), float(np.sqrt(apart.size) * apart.std(ddof=1)))
-    return Gap(total.delta / apart.size, total.std_error / apart.size) if mean else total

@@ -1,15 +1,15 @@
-"""Leave one run out: how well a model predicts each run from all the others.
+"""Leave one run out: how well a model predicts each run from all the others; of one or two runs, each block of time.
 
     elpd = sum_r log p(y_r | y_-r),   p(y_r | y_-r) = E[L_r(theta)] over p(theta | y_-r)
 
 L_r is the likelihood of run r whatever its own parameters are (`posterior_by_run`): a run that was left out has told nothing of its start,
 bias or deviation. All R + 1 posteriors, that of all runs and those that each lack one, are weighted from one set of draws: of a mixture
 of their normal approximations, which the derivatives of each run at the joint mode give without another fit (Owen and Zhou, JASA 95,
-2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, the mode of the
-others is found and draws about it are added, and then, where need be, draws of the moments that the weighted draws have.
+2000). The tails of the weights are smoothed and judged (Vehtari et al., JMLR 25, 2024); where Pareto k is above 0.7, draws of the moments
+that the weighted draws have are added, then draws about the mode of the others, which is followed from that of all.
 
-Runs are the units: the standard error is that of a sum over runs (Vehtari, Gelman and Gabry, Statistics and Computing 27, 2017), and
-two models are compared run by run.
+Runs, or blocks, are the units: the standard error is that of a sum over runs (Vehtari, Gelman and Gabry, Statistics and Computing 27,
+2017), and two models are compared run by run. The density of a block is that of all measurements over that of all others.
 """
 
 from collections.abc import Sequence
@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import logsumexp
 
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.posterior.mode import Mode, find_mode, maximise
+from seatrial.estimation.posterior.mode import ROUGH_GAIN, Mode, find_mode, maximise
 from seatrial.estimation.posterior.posterior import Posterior, as_key
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
 from seatrial.estimation.prediction.posterior_by_run import (
@@ -30,7 +30,7 @@ from seatrial.estimation.prediction.posterior_by_run import (
     RunPosteriors,
     expand_runs,
     marginal_log_likelihoods,
-    predict_run,
+    predict_fold,
     shared_log_prior,
     split_runs,
     weigh_runs,
@@ -38,13 +38,13 @@ from seatrial.estimation.prediction.posterior_by_run import (
 from seatrial.selection.cross_validation import LeaveOneRunOut, LeftOutRun
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
-MIN_RUNS = 3  # Runs below which what is left after one is taken out says too little: of two, a single other run
 # Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors.
-ROUND_DRAWS, MAX_ROUNDS = 512, 5
+ROUND_DRAWS, MAX_ROUNDS = 1024, 5
 PREDICTION_DRAWS = 200  # Draws by which a run that was left out is predicted
 # Newton steps from the mode of all runs to that of all but one: more are only taken about the kinks that a delay
 # makes.
 MAX_STEPS = 12
+FAR = 1.0  # Tail index above which weights have not even a mean
 MISSING_TAIL_INDEX = 10.0  # Tail index that is stated where so few draws carry all weight that none can be found
 MIN_PRECISION = 1.0  # Least precision of a proposal: that of the prior in the coordinates in which it is drawn
 
@@ -58,42 +58,38 @@ def leave_one_run_out(
     max_k_hat: float = MAX_K_HAT,
     progress: Progress = no_progress,
 ) -> LeaveOneRunOut:
-    """Predict each run from the others.
+    """Predict each run from the others, or each block of time of fewer than three runs.
 
     Args:
-        posterior: of three runs or more, of `make_posterior`.
+        posterior: of records, of `make_posterior`.
         key: random key, or a seed.
         mode: of the posterior, found here if not given.
         draws: of the shared parameters, in each round.
-        max_k_hat: tail index of the weights above which the others are fitted anew; -inf always does.
+        max_k_hat: tail index of the weights above which more is drawn, about the mode of the others; -inf always does.
         progress: called with the steps done and all: the mode, the draws, and each run.
 
     Raises:
-        InputError: fewer than three runs, or a posterior of no records.
+        InputError: a posterior of no records, or of too few measurements.
         NumericalError: no mode, or a run that no draw gives a finite density.
     """
     key = as_key(key)
     runs = split_runs(posterior)
-    if len(runs.runs) < MIN_RUNS:
-        raise InputError(
-            "leave one run out",
-            found=f"{len(runs.runs)} run{'s' * (len(runs.runs) > 1)}: {', '.join(runs.labels)}",
-            expected=f"at least {MIN_RUNS} runs that are fitted jointly",
-            remedy="fit more runs, each a trial of its own and not a piece of another",
-        )
-    count = len(runs.runs)
+    count = len(runs.folds)
     progress(0, count + 2)
     mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
     progress(1, count + 2)
     known, (*without, (_, worst)), refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
     progress(2, count + 2)
     left_out, predicted, poor = [], [], []
-    for r, (label, (weights, k_hat)) in enumerate(zip(runs.labels, without, strict=True)):
-        joint = weights + known.table[:, r]
+    for r, (fold, (weights, k_hat)) in enumerate(zip(runs.folds, without, strict=True)):
+        label = fold.label
+        with np.errstate(invalid="ignore"):
+            gained = _log_likelihood(known, runs.sums[-1]) - _log_likelihood(known, runs.sums[r])
+        joint = weights + np.where(np.isnan(gained), -np.inf, gained)
         elpd = float(logsumexp(joint))
         if not np.isfinite(elpd):
             raise NumericalError(
-                f'leave one run out: no draw that the other runs allow gives run "{label}" a finite density: the model diverges there'
+                f'leave one run out: no draw that the others allow gives "{label}" a finite density: the model diverges there'
             )
         k_hat = max(k_hat, worst)
         error = float(np.linalg.norm(np.exp(joint - elpd) - np.exp(weights)))
@@ -102,15 +98,13 @@ def leave_one_run_out(
         edges = np.cumsum(np.exp(weights))
         first = float(jax.random.uniform(predict_key))
         places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
-        predicted.append(predict_run(runs, r, known.z[np.minimum(places, len(known.z) - 1)], predict_key))
+        predicted.append(predict_fold(runs, r, known.z[np.minimum(places, len(known.z) - 1)], predict_key))
         scores = {channel: one.score for channel, one in predicted[-1].items()}
         left_out.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
         progress(3 + r, count + 2)
-    status = (
-        f"the score of run {', '.join(poor)} depends on a few draws: the posterior is far from normal" if poor else ""
-    )
-    log_evidence = float(logsumexp(_log_weight(known, np.ones(count)))) - float(np.log(len(known.z)))
+    status = f"the score of {', '.join(poor)} depends on a few draws: the posterior is far from normal" if poor else ""
+    log_evidence = float(logsumexp(_log_weight(known, runs.sums[-1]))) - float(np.log(len(known.z)))
     bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
     return LeaveOneRunOut(tuple(left_out), bands, log_evidence, status)
 
@@ -122,7 +116,7 @@ class _Drawn(NamedTuple):
         z: unconstrained.
         proposals: what they were drawn from, each with its share.
         log_ratio: log prior density of each draw over that of the mixture of all proposals, shape (n,).
-        table: what each run says, shape (n, R).
+        table: what each part says, shape (n, P).
     """
 
     z: np.ndarray
@@ -134,26 +128,26 @@ class _Drawn(NamedTuple):
 def _draw(
     runs: RunPosteriors, mode: Mode, key: jax.Array, n: int, max_k_hat: float
 ) -> tuple[_Drawn, list[tuple[np.ndarray, float]], set[int]]:
-    """Return draws that serve all posteriors, their `_weights` for each, and for which runs the mode of the others was found.
+    """Return draws that serve all posteriors, their `_weights` for each, and for which folds the mode of the others was found.
 
-    The posteriors are those that each lack one run, in the order of the runs, and then that of all.
+    The posteriors are those that each lack one fold, in their order, and then that of all.
     """
-    count = len(runs.runs)
     expanded = expand_runs(runs, mode.z)
-    targets = [*(_without(count, r) for r in range(count)), np.ones(count)]
-    latest = [_approximation(runs, expanded, weight) for weight in targets]
-    known = _Drawn(np.empty((0, runs.shared.size)), (), np.empty(0), np.empty((0, len(runs.runs))))
+    latest = [_approximation(runs, expanded, weight) for weight in runs.sums]
+    known = _Drawn(np.empty((0, runs.shared.size)), (), np.empty(0), np.empty((0, len(runs.parts))))
     weighed, components, refitted = [], latest, set[int]()
     for again in range(MAX_ROUNDS):
         known = _more(known, runs, mode, expanded, components, jax.random.fold_in(key, again), n)
-        weighed = [_weights(known, weight) for weight in targets]
+        weighed = [_weights(known, weight) for weight in runs.sums]
         bad = [t for t, (_, k_hat) in enumerate(weighed) if not k_hat <= max_k_hat]
         if not bad:
             break
         for t in bad:
-            first = t < count and t not in refitted
-            latest[t] = _refitted(runs, expanded, t) if first else _moved(latest[t], known, targets[t])
-        refitted.update(t for t in bad if t < count)
+            # Moments cost draws alone, and do where the draws overlap; else the mode is followed, once.
+            far = again > 0 or not weighed[t][1] <= FAR
+            follow = far and t < len(runs.folds) and t not in refitted
+            latest[t] = _refitted(runs, expanded, t) if follow else _moved(latest[t], known, runs.sums[t])
+            refitted.update([t] if follow else [])
         components = [latest[t] for t in bad]
     return known, weighed, refitted
 
@@ -169,6 +163,7 @@ def _more(
 ) -> _Drawn:
     """Add draws of more proposals; all that were drawn are of the mixture of all proposals (Cornuet et al., Scand. J. Stat. 39, 2012)."""
     total, equal = len(known.z) + n, 1.0 / len(components)
+    random = np.random.default_rng(np.asarray(jax.random.key_data(jax.random.fold_in(key, 0))))
     z = draw_mixture([one._replace(share=equal) for one in components], key, n)
     kept = [one._replace(share=one.share * len(known.z) / total) for one in known.proposals]
     new = [one._replace(share=equal * n / total) for one in components]
@@ -177,7 +172,7 @@ def _more(
         every,
         proposals,
         shared_log_prior(runs, every) - log_mixture(proposals, every),
-        np.concatenate([known.table, marginal_log_likelihoods(runs, mode, expanded, z)]),
+        np.concatenate([known.table, marginal_log_likelihoods(runs, mode, expanded, z, random)]),
     )
 
 
@@ -189,8 +184,12 @@ def _moved(component: ProposalComponent, known: _Drawn, weight: np.ndarray) -> P
 
 
 def _log_weight(known: _Drawn, weight: np.ndarray) -> np.ndarray:
-    """Log weights of draws for the posterior in which each run counts by its weight, 0 or 1."""
-    return known.log_ratio + known.table[:, weight > 0].sum(1)
+    """Log weights of draws for the posterior in which each part counts by its weight, 0 or 1."""
+    return known.log_ratio + _log_likelihood(known, weight)
+
+
+def _log_likelihood(known: _Drawn, weight: np.ndarray) -> np.ndarray:
+    return known.table[:, weight > 0].sum(1)
 
 
 def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"], float]:
@@ -208,12 +207,8 @@ def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"]
     return kept - float(logsumexp(kept)), float(k_hat) if sound else MISSING_TAIL_INDEX
 
 
-def _without(count: int, run: int) -> np.ndarray:
-    return (np.arange(count) != run).astype(float)
-
-
 def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarray) -> ProposalComponent:
-    """Return the normal approximation of the shared parameters where each run counts by its weight: one Newton step from a point."""
+    """Return the normal approximation of the shared parameters where each part counts by its weight: one Newton step from a point."""
     known = weigh_runs(expanded, weight)
     values, vectors = np.linalg.eigh(-0.5 * (known.hessian + known.hessian.T))
     cov = (vectors / np.maximum(values, MIN_PRECISION)) @ vectors.T
@@ -221,13 +216,14 @@ def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarr
     return ProposalComponent(centre, np.linalg.cholesky(cov[np.ix_(runs.shared, runs.shared)]))
 
 
-def _refitted(runs: RunPosteriors, expanded: RunExpansion, run: int) -> ProposalComponent:
+def _refitted(runs: RunPosteriors, expanded: RunExpansion, fold: int) -> ProposalComponent:
     """Return the normal approximation about the mode of the other runs, which is followed from that of all."""
-    weight = _without(len(runs.runs), run)
+    weight = runs.sums[fold]
     z, _ = maximise(
-        lambda z: weigh_runs(expand_runs(runs, z, weight), weight),
+        lambda z: weigh_runs(expand_runs(runs, z), weight),
         expanded.z,
-        lambda z: f"the shared parameters without run {runs.labels[run]}",
+        lambda z: f"the shared parameters without {runs.folds[fold].label}",
         MAX_STEPS,
+        least_gain=ROUGH_GAIN,
     )
-    return _approximation(runs, expand_runs(runs, z, weight), weight)
+    return _approximation(runs, expand_runs(runs, z), weight)

@@ -1,7 +1,7 @@
-"""Which structure, and which model of the error, predicts runs that were left out; kept on disk one by one.
+"""Stack of structures and models of the error, by runs that were left out; each candidate is kept on disk when it is there.
 
 All structures under the campaign's own model of the error first; then, for those in contention, the other models of the error that the
-campaign can have (`error_models`).
+campaign can have (`error_models`). The mode of each is followed from that of the same structure under the campaign's own.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,17 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_models, scale_of, with_error_model
 from seatrial.campaign.inference.estimate import estimate_key
-from seatrial.campaign.inference.modes import structure_modes
 from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from seatrial.selection.cross_validation import OWN, SMALL, Candidate, CrossValidation, gap
-from seatrial.selection.leave_one_run_out import MIN_RUNS, leave_one_run_out
+from seatrial.estimation.posterior.mode import find_mode
+from seatrial.estimation.prediction.posterior_by_run import MIN_RUNS
+from seatrial.selection.cross_validation import CLEAR, OWN, Candidate, CrossValidation, gap
+from seatrial.selection.leave_one_run_out import leave_one_run_out
+from seatrial.selection.stack import SMALL
 from seatrial.selection.structures import Structure
 
 MOST = 3  # Structures at most for which other models of the error are tried
@@ -36,7 +38,7 @@ def stored_cross_validation(campaign: Campaign, trials: HasKey) -> StoredResult[
 
 
 def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> CrossValidation:
-    """Leave each fitted run out in turn, of every structure and model of the error; current results are read.
+    """Leave each fitted run out in turn, or blocks of fewer than three, by each candidate; current results are read.
 
     Args:
         campaign: configuration.
@@ -44,26 +46,22 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
         reporter: told how far the work has come.
 
     Raises:
-        InputError: fewer than three fitted runs.
+        InputError: too few measurements.
     """
-    if (count := len(trials.fit)) < MIN_RUNS:
-        more = "run more trials and import their logs"
-        more = more if campaign.imports is None else "list more of them under import.fit"
-        raise InputError(
-            campaign.where("import.fit"),
-            found=f"{count} fitted run{'s' * (count > 1)}: {', '.join(record.label for record in trials.fit)}",
-            expected=f"at least {MIN_RUNS} fitted runs, each of which can be predicted from the others",
-            remedy=f"{more}; with fewer, `seatrial run` scores the runs under import.predict, which were not fitted",
-        )
     kept = stored_cross_validation(campaign, trials)
     result = list(kept.read().candidates) if kept.is_current() else []
-    work = [(structure, STATED) for structure in campaign.structures]
+    # The largest first: the modes of the others are looked for near its own.
+    largest = sorted(campaign.structures, key=lambda one: -len(one.terms))
+    work = [(structure, STATED) for structure in largest]
     study = Study(campaign, trials.fit)
-    labels = tuple(record.label for record in trials.fit)
     cautions = tuple(_cautions(trials))
 
+    def made(candidates: Sequence[Candidate]) -> CrossValidation:
+        labels = next((tuple(run.label for run in one.left.runs) for one in candidates if one.left), ())
+        return CrossValidation(labels, tuple(candidates), cautions)
+
     def keep(candidates: Sequence[Candidate]) -> None:
-        kept.write(CrossValidation(labels, tuple(candidates), cautions))
+        kept.write(made(candidates))
 
     _compute(study, work, result, keep, reporter)
     contending = _contending(campaign.structures, result)
@@ -76,15 +74,13 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
             one = next(one for one in reversed(result) if one.error_model == error.name)
             stated = next(other for other in result if (other.structure, other.error_model) == (one.structure, OWN))
             # One that is clearly worse where it is tried first, or cannot be had there, is not tried for the others.
-            if not (one.refused or gap(stated, one).is_clear(SMALL)):
+            if not (one.refused or gap(stated, one).is_clear(CLEAR, SMALL)):
                 _compute(changed, rest, result, keep, reporter)
-    return CrossValidation(labels, tuple(result), cautions)
+    return made(result)
 
 
 def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) -> Campaign:
-    """Return the campaign with the one structure, and the model of the error, that predict runs left out best.
-
-    Another model of the error than the campaign's own is taken only where it is clearly better.
+    """Return the campaign with the one structure, and the model of the error, that are recommended.
 
     Args:
         campaign: that was cross-validated.
@@ -94,9 +90,9 @@ def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) ->
     Raises:
         NumericalError: no candidate has a result.
     """
-    if not found.own:
+    best = found.chosen
+    if best is None:
         raise NumericalError("; ".join(one.refused for one in found.candidates))
-    best = found.recommended or found.own_best
     study, contending = Study(campaign, trials.fit), _contending(campaign.structures, found.candidates)
     others = error_models(campaign, widest(contending), _scale(study, contending, found.candidates))
     error = next(one for one in (STATED, *others) if one.name == best.error_model)
@@ -111,11 +107,17 @@ def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidat
 
 def _cautions(trials: Trials) -> list[str]:
     pieces = [record.label for record in trials.fit if "piece" in record.provenance.options]
-    return (
+    result = (
         [f"{', '.join(pieces)} are pieces of the same long runs, so that each piece knows what the others share"]
         if pieces
         else []
     )
+    if (count := len(trials.fit)) < MIN_RUNS:
+        result.append(
+            f"blocks of time of {count} run{'s' * (count > 1)} were left out, and not runs: another run may be predicted worse. "
+            f"With {MIN_RUNS} fitted runs whole runs are left out"
+        )
+    return result
 
 
 def _compute(
@@ -126,18 +128,33 @@ def _compute(
     missing = [(structure, error) for structure, error in work if (structure.label, error.name) not in there]
     for place, (structure, error) in enumerate(missing, 1):
         title = f"leave one run out, {error.name}, structure {place} of {len(missing)}: {structure.label}"
-        found.append(_candidate(study, structure, error, reporter.progress(title)))
+        near = _nearest(structure, found)
+        found.append(_candidate(study, structure, error, near, reporter.progress(title)))
         keep(found)
 
 
-def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: Progress) -> Candidate:
+def _nearest(structure: Structure, found: Sequence[Candidate]) -> Sequence[tuple[str, float, float]]:
+    """Return the parameters of the same structure as it was fitted first, else of the largest one; none where nothing was."""
+    by_size = sorted((one for one in found if not one.refused), key=lambda one: -len(one.structure.terms))
+    same = [one for one in found if not one.refused and one.structure.label == structure.label]
+    return next((one.parameters for one in (*same, *by_size)), ())
+
+
+def _candidate(
+    study: Study,
+    structure: Structure,
+    error: ErrorModel,
+    near: Sequence[tuple[str, float, float]],
+    progress: Progress,
+) -> Candidate:
     campaign = study.campaign
     named = Candidate(structure, error.name, error.words, tuple(error.lines()) if error.estimation else ())
     try:
         posterior = study.posterior(structure)
-        mode = study.once("modes", lambda: structure_modes(study))[structure]
-        if isinstance(mode, NumericalError):
-            raise mode
+        noise = posterior.likelihood.output.noise_parameters if near else ()
+        told = {name: value for name, value, _ in near if name in posterior.names and name not in noise}
+        options = {"tries": 1, "near": told, "rough": True} if near else {}
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), **options)
         leave_key = random_key(campaign.seed, f"leave out {structure.terms}")
         left = leave_one_run_out(posterior, leave_key, mode, progress=progress)
     except NumericalError as failure:
@@ -147,11 +164,12 @@ def _candidate(study: Study, structure: Structure, error: ErrorModel, progress: 
             raise
         return replace(named, refused=failure.sentence(with_remedy=False))
     own = mode.only(posterior.places)
-    coefficients = [one for one in zip(own.names, own.values, own.sd, strict=True) if one[0] in structure.terms]
     return replace(
         named,
         left=left,
-        coefficients=tuple((name, float(value), float(sd)) for name, value, sd in coefficients),
+        parameters=tuple(
+            (n, float(value), float(sd)) for n, value, sd in zip(own.names, own.values, own.sd, strict=True)
+        ),
     )
 
 
@@ -167,7 +185,7 @@ def _contending(structures: Sequence[Structure], found: Sequence[Candidate]) -> 
         return []
     best = max(own, key=lambda one: one.total)
     likely = max(own, key=lambda one: one.result.log_evidence)
-    close = [one for one in own if not gap(best, one).is_clear(SMALL)]
+    close = [one for one in own if not gap(best, one).is_clear(CLEAR, SMALL)]
     labels = list(
         dict.fromkeys(one.structure.label for one in (best, likely, *sorted(close, key=lambda one: -one.total)))
     )
@@ -181,6 +199,7 @@ def _scale(study: Study, structures: Sequence[Structure], found: Sequence[Candid
     own = [one for one in found if one.error_model == OWN and one.structure.label in labels]
     coefficients = {}
     for one in sorted(own, key=lambda one: labels.index(one.structure.label)):
-        coefficients = {name: (value, sd) for name, value, sd in one.coefficients} | coefficients
+        terms = one.structure.terms
+        coefficients = {name: (value, sd) for name, value, sd in one.parameters if name in terms} | coefficients
     model = study.campaign.model(widest(structures))
     return scale_of(model, study.records, coefficients, {name: value for name, (value, _) in coefficients.items()})

@@ -170,6 +170,8 @@ def find_mode(
     starts: int | None = None,
     tries: int = 3,
     near: Mapping[str, float] | None = None,
+    *,
+    rough: bool = False,
 ) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
@@ -181,10 +183,12 @@ def find_mode(
         posterior: density to maximise.
         key: random key of the prior draws, or a seed.
         starts: prior draws that are evaluated; None for 512, or 64 of a filter-error likelihood, whose density costs ten times more.
-        tries: of these, how many of the best are followed to their maximum. One from which the density only rises on the
-            straight way to a maximum already found is not: it has nothing else to show.
-        near: values by name, SI, near which there may be a mode; they take the place of one of the draws. What lies outside its prior
-            is moved inside, and what is not told is taken from the middle of its prior.
+        tries: of these, how many of the best are followed to their maximum, beside the guess; of 1, the better of both. One from
+            which the density only rises on the straight way to a maximum already found is not: it has nothing else to show.
+        near: values by name, SI, near which there may be a mode; they take the place of one of the draws, with what is not told from the
+            middle of its prior, and of parts of half of them. What lies outside its prior is moved inside.
+        rough: end climbs where 0.01 nats are left, and take the information for the curvature there: enough to draw from, in a tenth of
+            the time where commands have kinks.
 
     Returns:
         the mode, and the normal approximation about it.
@@ -198,16 +202,27 @@ def find_mode(
         starts = PRIOR_DRAWS_OF_FILTER if isinstance(posterior.likelihood, FilterError) else PRIOR_DRAWS
     check_count(starts, "starts", remedy="take some hundreds")
     check_count(tries, "tries", remedy="leave it out, or follow a few")
-    candidates = np.array(posterior.sample_prior(as_key(key), starts))
+    if rough:  # In z every prior is nearly a standard normal one; the exact draws are a program to compile.
+        candidates = np.random.default_rng(np.asarray(jax.random.key_data(as_key(key)))).standard_normal(
+            (starts, posterior.dim)
+        )
+    else:
+        candidates = np.array(posterior.sample_prior(as_key(key), starts))
     candidates[-1] = 0.0  # the middle of the prior
     if near is not None:
         inside = _inside(posterior, check_numbers(near, "near", known=posterior.names))
-        candidates[: len(inside)] = inside
-    z, log_density = _highest(posterior, candidates, tries)
+        told = np.array([name in near for name in posterior.names])
+        for row in inside:
+            # Half of the draws of what is not told, such as sizes of the noise, are beside it.
+            if not told[posterior.places].all():
+                candidates[: starts // 2, told] = row[told]
+            candidates[0] = row
+    least_gain = ROUGH_GAIN if rough else 0.0
+    z, log_density = _highest(posterior, candidates, tries, least_gain)
     if not np.isfinite(log_density):
         raise NumericalError("the search for the posterior mode left the region of finite likelihood; narrow the prior")
-    mode = _about(posterior, z, log_density)
-    return _along_delay(posterior, mode) if DELAY in posterior.present_names else mode
+    mode = _about(posterior, z, log_density, rough)
+    return _along_delay(posterior, mode, rough) if DELAY in posterior.present_names else mode
 
 
 def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]) -> Mode | None:
@@ -247,31 +262,37 @@ def _completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
 
 
 def _highest(
-    posterior: Posterior, candidates: Float[np.ndarray, "n d"], tries: int
+    posterior: Posterior, candidates: Float[np.ndarray, "n d"], tries: int, least_gain: float = 0.0
 ) -> tuple[Float[np.ndarray, " d"], float]:
     """Return the highest maximum above the guess and the best candidates; that of a long record begins at that of its first part."""
     part = _first_part(posterior)
     if part is not None:
         with suppress(NumericalError):  # a part that leads nowhere: all of the record is searched
-            return _maximise(posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]))
+            return _maximise(
+                posterior, _with_noise(posterior, _highest(part, candidates, tries)[0]), least_gain=least_gain
+            )
     drawn = _best(_heights(posterior, candidates))[:tries]
     followed = [*_guessed(posterior, candidates), *candidates[drawn]]
+    if tries == 1 and len(followed) > 1:
+        followed = [followed[np.argmax(_heights(posterior, np.array(followed)))]]
     if not followed:
         raise NumericalError(
             f"none of {len(candidates)} draws from the prior gives a finite likelihood: under this prior the model diverges, for example "
             f"at {_point(posterior, candidates[0])}. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
     held = [i for _, drift, time in _slow_noise(posterior) for i in (*drift, *time)]
-    tops = _climbed(posterior, (_with_noise(posterior, _nearly_white(posterior, one)) for one in followed), held)
+    tops = _climbed(
+        posterior, (_with_noise(posterior, _nearly_white(posterior, one)) for one in followed), held, least_gain
+    )
     if held:
         # A wrong motion leaves slow residuals over: with the noise of these the motion is found in three times as many steps.
         starts = sorted((_with_slow_noise(posterior, z) for z, _ in tops), key=lambda pair: -pair[1])
-        tops = _climbed(posterior, (z for z, _ in starts))
+        tops = _climbed(posterior, (z for z, _ in starts), (), least_gain)
     return max(tops, key=lambda pair: pair[1])
 
 
 def _climbed(
-    posterior: Posterior, starts: Iterable[np.ndarray], held: Sequence[int] = ()
+    posterior: Posterior, starts: Iterable[np.ndarray], held: Sequence[int] = (), least_gain: float = 0.0
 ) -> list[tuple[np.ndarray, float]]:
     """Return the different maxima above some starts, parameters at some places being held."""
     tops: list[tuple[np.ndarray, float]] = []
@@ -280,7 +301,7 @@ def _climbed(
         if any(is_uphill(posterior, start, top) for top, _ in tops):
             continue
         try:
-            top = _maximise(posterior, start, tops, held)
+            top = _maximise(posterior, start, tops, held, least_gain)
         except NumericalError as error:
             lost = error
             continue
@@ -358,9 +379,9 @@ def _heights(posterior: Posterior, z: Float[np.ndarray, "n d"]) -> Float[np.ndar
     return evaluate(posterior, z, _at_once(posterior))
 
 
-def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
+def _about(posterior: Posterior, z: np.ndarray, log_density: float, rough: bool = False) -> Mode:
     """Normal approximation about a mode."""
-    there = _expand(posterior, z)
+    there = _expand(posterior, z, climbing=rough)
     precision = -0.5 * (there.hessian + there.hessian.T)
     cov, log_volume, flat = _invert(precision)
     sd = np.abs(there.slope) * np.sqrt(np.diag(cov))
@@ -380,15 +401,15 @@ def _about(posterior: Posterior, z: np.ndarray, log_density: float) -> Mode:
     )
 
 
-def _along_delay(posterior: Posterior, mode: Mode) -> Mode:
+def _along_delay(posterior: Posterior, mode: Mode, rough: bool = False) -> Mode:
     """Return the highest peak along the delay, its spread along it that of all peaks."""
     at = posterior.names.index(DELAY)
     for _ in range(MAX_ROUNDS):
-        better = _higher_peak(posterior, mode, at)
+        better = _higher_peak(posterior, mode, at, rough)
         if better is None:
             break
         mode = better
-    return _with_profile(posterior, mode, at)
+    return mode if rough else _with_profile(posterior, mode, at)
 
 
 def _ridge(mode: Mode, at: int, to: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n d"]:
@@ -396,7 +417,7 @@ def _ridge(mode: Mode, at: int, to: Float[np.ndarray, " n"]) -> Float[np.ndarray
     return mode.z + (to - mode.z[at])[:, None] * (mode.cov[:, at] / mode.cov[at, at])
 
 
-def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
+def _higher_peak(posterior: Posterior, mode: Mode, at: int, rough: bool) -> Mode | None:
     """Follow the highest peaks along one component, near the mode and over the whole prior; None where none is higher."""
     reach = NEAR * np.sqrt(mode.cov[at, at])
     near = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
@@ -404,13 +425,13 @@ def _higher_peak(posterior: Posterior, mode: Mode, at: int) -> Mode | None:
     heights = _heights(posterior, points)
     middle = heights[1:-1]
     peaks = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
-    best, ends = mode, [mode.z]
-    for peak in peaks[np.argsort(-heights[peaks])][:MAX_FOLLOWED]:
+    best, ends, least_gain = mode, [mode.z], ROUGH_GAIN if rough else 1e-6
+    for peak in peaks[np.argsort(-heights[peaks])][: 1 if rough else MAX_FOLLOWED]:
         if not any(is_uphill(posterior, points[peak], end) for end in ends):
-            z, log_density = _maximise(posterior, points[peak])
+            z, log_density = _maximise(posterior, points[peak], least_gain=ROUGH_GAIN if rough else 0.0)
             ends.append(z)
-            if log_density > best.log_density + 1e-6:
-                best = _about(posterior, z, log_density)
+            if log_density > best.log_density + least_gain:
+                best = _about(posterior, z, log_density, rough)
     return None if best is mode else best
 
 
@@ -619,11 +640,16 @@ def _maximise(
     start: np.ndarray,
     known_modes: Sequence[tuple[np.ndarray, float]] = (),
     held: Sequence[int] = (),
+    least_gain: float = 0.0,
 ) -> tuple[np.ndarray, float]:
     """Follow one start to its maximum; where parameters at some places are held, roughly."""
     if not held:
         return maximise(
-            lambda z: _expand(posterior, z, climbing=True), start, partial(_point, posterior), known_modes=known_modes
+            lambda z: _expand(posterior, z, climbing=True),
+            start,
+            partial(_point, posterior),
+            known_modes=known_modes,
+            least_gain=least_gain,
         )
     free = np.setdiff1d(np.arange(start.size), held)
 

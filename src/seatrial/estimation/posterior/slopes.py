@@ -36,7 +36,6 @@ class Slopes(NamedTuple):
     information: Float[Array, "d d"]
 
 
-@program
 def likelihood_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes:
     """Return the slopes of a posterior's likelihood.
 
@@ -44,19 +43,35 @@ def likelihood_slopes(posterior: Posterior, point: Float[Array, " d"]) -> Slopes
         posterior: whose likelihood it is.
         point: values of all parameters, in their own units.
     """
+    return _slopes(posterior, point)[0]
+
+
+def slopes_by_trial(posterior: Posterior, point: Float[Array, " d"]) -> Slopes:
+    """Return the slopes of each trial's share of the likelihood, the trials as first axis, by the same program."""
+    return _slopes(posterior, point)[1]
+
+
+@program
+def _slopes(posterior: Posterior, point: Float[Array, " d"]) -> tuple[Slopes, Slopes]:
+    """Return the slopes of all trials together, and of each."""
     likelihood, data = posterior.likelihood, posterior.data
     if not isinstance(likelihood, OutputError | FilterError):
-        return _of_density(posterior, point)
-    along_trial = _along_filter if isinstance(likelihood, FilterError) else _along_simulation
+        whole = _of_density(posterior, point)
+        return whole, jax.tree.map(lambda x: x[None], whole)
+    trials, names, d = jnp.arange(len(likelihood.labels)), posterior.names, len(posterior.names)
+    if isinstance(likelihood, FilterError):
+        # Side by side: a step of a filter is so many small operations that one trial leaves the vector units idle.
+        each = jax.vmap(lambda index: _along_filter(likelihood, names, point, data, index))(trials)
+        total = jax.tree.map(lambda x: x.sum(0), each)
+    else:
 
-    def add(total: Slopes, index: Array) -> tuple[Slopes, None]:
-        of_trial = along_trial(likelihood, posterior.names, point, data, index)
-        return Slopes(*(a + b for a, b in zip(total, of_trial, strict=True))), None
+        def add(total: Slopes, index: Array) -> tuple[Slopes, Slopes]:
+            of_trial = _along_simulation(likelihood, names, point, data, index)
+            return Slopes(*(a + b for a, b in zip(total, of_trial, strict=True))), of_trial
 
-    d = len(posterior.names)
-    nothing = Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
-    result, _ = jax.lax.scan(add, nothing, jnp.arange(len(likelihood.labels)))
-    return result._replace(value=jnp.where(jnp.isfinite(result.value), result.value, -jnp.inf))
+        nothing = Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
+        total, each = jax.lax.scan(add, nothing, trials)
+    return total._replace(value=jnp.where(jnp.isfinite(total.value), total.value, -jnp.inf)), each
 
 
 def _of_density(posterior: Posterior, point: Array) -> Slopes:

@@ -1,25 +1,28 @@
-"""A joint posterior of several runs, run by run: what each run says of the parameters, and what it says whatever its own are.
+"""A joint posterior of several runs in parts: what each part says of the parameters, and what it says whatever a run's own are.
 
     log p(z | y) = log p(theta) + sum_r [log p(lambda_r) + l_r(theta, lambda_r)] + constant
 
 theta is shared by all runs; lambda_r, such as `u_0[run]`, `bias_u[run]` or `dev_X_u[run]`, is a run's own. What a run says of theta
-alone is its marginal likelihood, by Laplace's approximation about the best lambda_r at that theta:
+alone is its marginal likelihood, for which an estimate without bias will do (Andrieu and Roberts, Annals of Statistics 37, 2009): draws of
+lambda_r about the ridge that the curvature at the mode gives,
 
-    L_r(theta) = int exp(l_r + log p(lambda)) d lambda,  exact where l_r is quadratic in lambda
+    L_r(theta) = E_q[exp(l_r + log p(lambda)) / q(lambda)],  without error where l_r is quadratic
 
-Each run has a posterior of its own: all are of one kind, so that one compiled program serves every run, and its derivatives are along
-the parameters that it knows of and not along those of the others.
+Each run has a posterior of its own: all are of one kind, so that one compiled program serves every run.
+
+Of one or two runs each fold is a block of time. Its samples depend on those before and after it, so that the parts are then all
+measurements, and all but those of each block.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
+from scipy.special import logsumexp
 
 from seatrial.compiled.batching import lanes_at_once, map_lanes
 from seatrial.compiled.programs import program
@@ -28,7 +31,7 @@ from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, check_posterior
-from seatrial.estimation.posterior.slopes import likelihood_slopes
+from seatrial.estimation.posterior.slopes import slopes_by_trial
 from seatrial.estimation.prediction.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.prediction.prediction import (
     noise_sd,
@@ -38,75 +41,81 @@ from seatrial.estimation.prediction.prediction import (
     values_of_draws,
 )
 from seatrial.estimation.prediction.prediction_scores import Score, score_channel
+from seatrial.estimation.simulation.trial_data import only_measured
 from seatrial.sampling.target import AT_ONCE, LANES
 
+MIN_RUNS = 3  # Runs below which what is left after one is taken out says too little: of two, a single other run
+BLOCKS = 6  # Of one run, or of two together: enough for a standard error, and each longer than most memories
 MIN_CURVATURE = 1e-2  # Least curvature of a run's own parameter that is believed; that of its prior is 1
-# Largest gain, nats, that is believed of an expansion away from the best: far from it curvature says nothing of the
-# height there.
-MAX_BELIEVED_GAIN = 0.5
-# Gain of a Newton step along a run's own parameters, nats, from which another is made, and how many at most.
-MIN_STEP_GAIN, MAX_STEPS = 1e-3, 12
+VARYING_PAIRS = 4  # Pairs of draws about a ridge that bends
+
+
+class Fold(NamedTuple):
+    """What is left out at once: a run, or a block of one.
+
+    Attributes:
+        label: of it.
+        alone: posterior of its run alone.
+        known: places among the shared parameters of those that are the first of `alone`; the others are drawn from their priors.
+        inside: which samples of the run belong to it, shape (n,).
+    """
+
+    label: str
+    alone: Posterior
+    known: Int[np.ndarray, " k"]
+    inside: Bool[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, eq=False)
 class RunPosteriors:
-    """The parts of a joint posterior of R runs, with k shared parameters and m that each run has of its own.
+    """The parts of a joint posterior, P of them, with k shared parameters and m that each has of its own.
 
     Attributes:
         joint: posterior of all runs.
-        runs: posterior of each run alone, its parameters the shared ones, then its own.
+        parts: posterior of each part alone, its parameters the shared ones, then its own.
         shared: places of the shared parameters in the joint z.
-        own: places of each run's own, shape (R, m).
+        own: places of each part's own, shape (P, m).
+        folds: what is left out in turn, F of them.
+        sums: how often each part counts in the likelihood of all but each fold, and of all, shape (F + 1, P).
     """
 
     joint: Posterior
-    runs: tuple[Posterior, ...]
+    parts: tuple[Posterior, ...]
     shared: Int[np.ndarray, " k"]
-    own: Int[np.ndarray, "R m"]
+    own: Int[np.ndarray, "P m"]
+    folds: tuple[Fold, ...]
+    sums: Float[np.ndarray, "F1 P"]
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """Labels of the runs."""
-        return self.joint.likelihood.labels
-
-    def places(self, run: int) -> Int[np.ndarray, " km"]:
-        """Places in the joint z of the parameters of one run."""
-        return np.concatenate([self.shared, self.own[run]])
+    def is_by_block(self) -> bool:
+        """Whether blocks of time are left out in place of runs."""
+        return len(self.folds) != len(self.joint.likelihood.labels)
 
 
 class RunExpansion(NamedTuple):
-    """The log-likelihood of each of R runs at one joint z, and the log prior density, with their derivatives along z.
+    """The log-likelihood of each of P parts at one joint z, and the log prior density, with their derivatives along z.
 
     Attributes:
         z: where, shape (d,).
-        value: of each run, shape (R,).
-        gradient: of each run, shape (R, d).
-        hessian: of each run, shape (R, d, d).
+        value: of each part, shape (P,).
+        gradient: of each part, shape (P, d).
+        hessian: of each part, shape (P, d, d).
         prior: log prior density of each parameter, shape (d,).
         prior_gradient: of these, each along its own z, shape (d,).
         prior_hessian: likewise, shape (d,).
-        slope: derivative of each value along its own z, in its own unit, shape (d,).
-        bend: its second derivative over the first, shape (d,).
     """
 
     z: Float[np.ndarray, " d"]
-    value: Float[np.ndarray, " R"]
-    gradient: Float[np.ndarray, "R d"]
-    hessian: Float[np.ndarray, "R d d"]
+    value: Float[np.ndarray, " P"]
+    gradient: Float[np.ndarray, "P d"]
+    hessian: Float[np.ndarray, "P d d"]
     prior: Float[np.ndarray, " d"]
     prior_gradient: Float[np.ndarray, " d"]
     prior_hessian: Float[np.ndarray, " d"]
-    slope: Float[np.ndarray, " d"]
-    bend: Float[np.ndarray, " d"]
-
-    @property
-    def along_values(self) -> Float[np.ndarray, "R d d"]:
-        """Hessians along values that grow by `slope` for each unit of z: without what is due to the bend of the map alone."""
-        return self.hessian - np.stack([np.diag(self.bend * one) for one in self.gradient])
 
 
 class Weighted(NamedTuple):
-    """Log posterior density at one point where each run counts by a weight, with gradient, shape (d,), and Hessian, shape (d, d)."""
+    """Log posterior density at one point where each part counts by a weight, with gradient, shape (d,), and Hessian, shape (d, d)."""
 
     value: float
     gradient: Float[np.ndarray, " d"]
@@ -114,10 +123,10 @@ class Weighted(NamedTuple):
 
 
 def split_runs(posterior: Posterior) -> RunPosteriors:
-    """Return the posterior of each run of a joint posterior of records.
+    """Return the parts of a joint posterior of records: its runs, or of fewer than `MIN_RUNS` blocks of time.
 
     Raises:
-        InputError: a posterior of a log density of one's own, which has no runs.
+        InputError: a posterior of a log density of one's own, which has no runs, or too few measurements for blocks.
     """
     check_posterior(posterior)
     likelihood = posterior.likelihood
@@ -131,43 +140,70 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
     of = [name.partition("[")[2].removesuffix("]") for name in posterior.names]
     shared = np.array([i for i, label in enumerate(of) if not label], int)
     own = np.array([[i for i, other in enumerate(of) if other == label] for label in likelihood.labels], int)
-    runs = tuple(
+    own = own.reshape(len(likelihood.labels), -1)
+    runs = [
         of_any_trial(
             posterior,
             label,
-            np.concatenate([shared, own[run]]).astype(int),
+            np.concatenate([shared, own[run]]),
             jax.tree.map(lambda x, run=run: x[run : run + 1], posterior.data),
         )
         for run, label in enumerate(likelihood.labels)
+    ]
+    if len(runs) < MIN_RUNS:
+        return _split_blocks(posterior, runs, [np.concatenate([shared, one]) for one in own])
+    everything = np.ones(posterior.data.step.shape[1], bool)
+    folds = tuple(
+        Fold(label, run, np.arange(shared.size), everything) for label, run in zip(likelihood.labels, runs, strict=True)
     )
-    return RunPosteriors(posterior, runs, shared, own.reshape(len(runs), -1))
+    sums = np.concatenate([1.0 - np.eye(len(runs)), np.ones((1, len(runs)))])
+    return RunPosteriors(posterior, tuple(runs), shared, own, folds, sums)
 
 
-def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"], weight: Sequence[float] | None = None) -> RunExpansion:
-    """Return what each run says about one joint z, with minus its information for the Hessian, along its own parameters only.
+def _split_blocks(posterior: Posterior, runs: Sequence[Posterior], places: Sequence[np.ndarray]) -> RunPosteriors:
+    """Return all measurements, and all but those of each block, as parts; blocks in which nothing was measured are left out."""
+    data, folds, kept = posterior.data, [], []
+    measured = np.any([np.asarray(one.present) > 0 for one in data.channels], 0)
+    for run, (label, alone) in enumerate(zip(posterior.likelihood.labels, runs, strict=True)):
+        at = np.flatnonzero(measured[run])
+        for number, block in enumerate(np.array_split(at, BLOCKS // len(runs)), 1):
+            if block.size:
+                inside = np.zeros(measured.shape[1], bool)
+                inside[block] = True
+                folds.append(Fold(f"{label}, block {number}", alone, places[run], inside))
+                kept.append(np.ones(measured.shape, bool))
+                kept[-1][run, block] = False
+    if len(folds) < MIN_RUNS:
+        raise InputError(
+            "leave one out",
+            found=f"{int(measured.sum())} samples with a measurement",
+            expected=f"at least {MIN_RUNS} runs, or as many blocks of measurements",
+            remedy="fit more runs, or longer ones",
+        )
+    parts = tuple(replace(posterior, data=one) for one in only_measured(data, [*kept, np.ones(measured.shape, bool)]))
+    own = np.empty((len(parts), 0), int)
+    return RunPosteriors(posterior, parts, np.arange(posterior.dim), own, tuple(folds), np.eye(len(parts)))
+
+
+def expand_runs(runs: RunPosteriors, z: Float[np.ndarray, " d"]) -> RunExpansion:
+    """Return what each part says about one joint z, with minus its information for the Hessian.
 
     Args:
         runs: of `split_runs`.
         z: joint position, shape (d,).
-        weight: of each run; those of weight 0 are left at 0. All where not given.
     """
     prior, values, slope, curvature = (np.asarray(one) for one in expand_prior(runs.joint, np.asarray(z)))
-    count, d = len(runs.runs), z.size
-    value, gradient, hessian = np.zeros(count), np.zeros((count, d)), np.zeros((count, d, d))
-    for r, one in enumerate(runs.runs):
-        if weight is not None and weight[r] == 0:
-            continue
-        at = runs.places(r)
-        value[r], own, information = map(np.asarray, likelihood_slopes(one, values[at]))
-        gradient[r, at] = slope[at] * own
-        block = np.diag(curvature[at] * own) - np.outer(slope[at], slope[at]) * information
-        hessian[r][np.ix_(at, at)] = block
-    bend = curvature / np.where(slope == 0, 1.0, slope)
-    return RunExpansion(np.asarray(z), value, gradient, hessian, prior[0], prior[1], prior[2], slope, bend)
+    each = [slopes_by_trial(one, values) for one in (runs.parts if runs.is_by_block else [runs.joint])]
+    parts = [[np.asarray(array) for array in one] for one in each]
+    if runs.is_by_block:
+        parts = [[array.sum(0, keepdims=True) for array in one] for one in parts]
+    value, along, information = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    hessian = (curvature * along)[:, :, None] * np.eye(z.size) - np.outer(slope, slope) * information
+    return RunExpansion(np.asarray(z), value, slope * along, hessian, prior[0], prior[1], prior[2])
 
 
-def weigh_runs(there: RunExpansion, weight: Float[np.ndarray, " R"]) -> Weighted:
-    """Return the log posterior density in which each run counts by its weight: 0 leaves it out."""
+def weigh_runs(there: RunExpansion, weight: Float[np.ndarray, " P"]) -> Weighted:
+    """Return the log posterior density in which each part counts by its weight: 0 leaves it out."""
     return Weighted(
         float(weight @ there.value + there.prior.sum()),
         weight @ there.gradient + there.prior_gradient,
@@ -176,28 +212,43 @@ def weigh_runs(there: RunExpansion, weight: Float[np.ndarray, " R"]) -> Weighted
 
 
 def marginal_log_likelihoods(
-    runs: RunPosteriors, mode: Mode, there: RunExpansion, shared: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, "n R"]:
-    """Return what each run says of draws of the shared parameters, its own integrated out; -inf where it diverges.
+    runs: RunPosteriors,
+    mode: Mode,
+    there: RunExpansion,
+    shared: Float[np.ndarray, "n k"],
+    random: np.random.Generator,
+) -> Float[np.ndarray, "n P"]:
+    """Return what each part says of draws of the shared parameters, its own integrated out; -inf where it diverges.
+
+    A run's own are drawn in pairs on either side of the ridge, so that what is odd about it cancels. Where coefficients vary between runs
+    the ridge bends, and as many more are drawn from their prior.
 
     Args:
         runs: of `split_runs`.
         mode: joint mode, from which the best own parameters are followed along the ridge that it has there.
         there: expansion about it.
         shared: draws, unconstrained, shape (n, k).
+        random: source of the draws of a run's own.
     """
-    columns, moved = [], shared - mode.z[runs.shared]
-    for r, one in enumerate(runs.runs):
+    pairs, wide = (VARYING_PAIRS, 2 * VARYING_PAIRS) if runs.joint.likelihood.varying else (1, 0)
+    columns, moved, n = [], shared - mode.z[runs.shared], len(shared)
+    for r, one in enumerate(runs.parts):
         own = runs.own[r]
-        start = np.broadcast_to(mode.z[own], (len(shared), own.size))
-        if own.size:
-            curvature = np.diag(-there.prior_hessian[own]) - there.hessian[r][np.ix_(own, own)]
-            # Inverse of a curvature none of which is below what is believed.
-            values, vectors = np.linalg.eigh(curvature)
-            start = start + moved @ (
-                there.hessian[r][np.ix_(runs.shared, own)] @ ((vectors / np.maximum(values, MIN_CURVATURE)) @ vectors.T)
-            )
-        columns.append(_marginals(one, own.size, np.concatenate([shared, start], 1)))
+        if not own.size:
+            columns.append(_at_draws(partial(_own_log_densities, one, 0), shared))
+            continue
+        values, vectors = np.linalg.eigh(np.diag(-there.prior_hessian[own]) - there.hessian[r][np.ix_(own, own)])
+        values = np.maximum(values, MIN_CURVATURE)
+        centre = mode.z[own] + moved @ there.hessian[r][np.ix_(runs.shared, own)] @ ((vectors / values) @ vectors.T)
+        half = random.standard_normal((pairs, n, own.size)) @ (vectors / np.sqrt(values)).T
+        z = np.concatenate([centre + half, centre - half, random.standard_normal((wide, n, own.size))])
+        whole = np.concatenate([np.broadcast_to(shared, (len(z), *shared.shape)), z], -1).reshape(len(z) * n, -1)
+        density = _at_draws(partial(_own_log_densities, one, own.size), whole).reshape(len(z), n)
+        along = (z - centre) @ vectors
+        narrow = 0.5 * np.log(values).sum() - 0.5 * (values * along**2).sum(-1) + np.log(2 * pairs)
+        broad = -0.5 * (z**2).sum(-1) + (np.log(wide) if wide else -np.inf)
+        proposed = np.logaddexp(narrow, broad) - 0.5 * own.size * np.log(2 * np.pi)
+        columns.append(logsumexp(np.where(np.isnan(density), -np.inf, density) - proposed, 0))
     table = np.stack(columns, 1)
     return np.where(np.isnan(table), -np.inf, table)
 
@@ -205,7 +256,7 @@ def marginal_log_likelihoods(
 def shared_log_prior(runs: RunPosteriors, shared: Float[np.ndarray, "n k"]) -> Float[np.ndarray, " n"]:
     """Return the log prior density of draws of the shared parameters, unconstrained."""
     own = np.zeros((len(shared), runs.own.shape[1]))
-    priors = _at_draws(partial(_log_priors, runs.runs[0]), np.concatenate([shared, own], 1))
+    priors = _at_draws(partial(_log_priors, runs.parts[0]), np.concatenate([shared, own], 1))
     return priors[:, : runs.shared.size].sum(1)
 
 
@@ -216,20 +267,21 @@ class PredictedChannel(NamedTuple):
     residuals: RunResiduals
 
 
-def predict_run(
-    runs: RunPosteriors, run: int, shared: Float[np.ndarray, "n k"], key: jax.Array
+def predict_fold(
+    runs: RunPosteriors, fold: int, shared: Float[np.ndarray, "n k"], key: jax.Array
 ) -> dict[str, PredictedChannel]:
-    """Return how well one run is predicted in free simulation from its inputs, each channel by name, as a run that was not fitted.
+    """Return how well one fold is predicted in free simulation of its run from its inputs, each channel by name.
 
     Args:
         runs: of `split_runs`.
-        run: which one.
-        shared: draws of the shared parameters, unconstrained, from what the other runs say; its own are drawn from their priors.
+        fold: which one.
+        shared: draws of the shared parameters, unconstrained, from what the others say; a run's own that are not shared are drawn from
+            their priors.
         key: random key.
     """
-    one, n = runs.runs[run], len(shared)
-    k = runs.shared.size
-    z = np.concatenate([shared, np.zeros((n, runs.own.shape[1]))], 1)
+    _, one, places, inside = runs.folds[fold]
+    n, k = len(shared), places.size
+    z = np.concatenate([shared[:, places], np.zeros((n, one.dim - k))], 1)
     table = np.asarray(one.constrain(z))
     known = {parameter.name: table[:, i] for i, parameter in enumerate(one.parameters[:k])}
     values = values_of_draws(one, known, key)
@@ -239,7 +291,7 @@ def predict_run(
     time = np.concatenate([[0.0], np.cumsum(step)[:-1]])
     result = {}
     for i, (sensor, channel) in enumerate(zip(sensors, one.data.channels, strict=True)):
-        at = np.asarray(channel.present)[0] > 0
+        at = (np.asarray(channel.present)[0] > 0) & inside
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
         noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
@@ -264,69 +316,11 @@ def _log_priors(one: Posterior, z: Float[Array, "n d"]) -> Float[Array, "n d"]:
     return jax.vmap(one.log_priors)(z)
 
 
-class _OwnFit(NamedTuple):
-    """One run at draws of the shared parameters, n of them, as a normal density of its m own ones.
-
-    Attributes:
-        density: log density where it was expanded, shape (n,).
-        integral: its integral over the own parameters, log, shape (n,).
-        gain: how much higher the top of the normal density is, shape (n,).
-        step: from there to the top, shape (n, m).
-    """
-
-    density: Array
-    integral: Array
-    gain: Array
-    step: Array
-
-
-@program
-def _log_likelihoods(one: Posterior, z: Float[Array, "n d"]) -> Float[Array, " n"]:
-    return map_lanes(one.log_likelihood, z, LANES)
-
-
 @program(static_argnums=1)
-def _expand_own(one: Posterior, m: int, z: Float[Array, "n d"]) -> _OwnFit:
-    """Expand the log density of one run in its last m parameters, their prior included, by forward derivatives."""
+def _own_log_densities(one: Posterior, m: int, z: Float[Array, "n d"]) -> Float[Array, " n"]:
+    """Log-likelihoods of one part, with the log prior density of its last m parameters."""
 
-    def of_draw(z: Array) -> _OwnFit:
-        def density_twice(own: Array) -> tuple[Array, Array]:
-            whole = jnp.concatenate([z[:-m], own])
-            value = one.log_likelihood(whole) + one.log_priors(whole)[-m:].sum()
-            return value, value
-
-        def gradient_twice(own: Array) -> tuple[Array, tuple[Array, Array]]:
-            gradient, value = jax.jacfwd(density_twice, has_aux=True)(own)
-            return gradient, (gradient, value)
-
-        hessian, (gradient, value) = jax.jacfwd(gradient_twice, has_aux=True)(z[-m:])
-        curvatures, vectors = jnp.linalg.eigh(-0.5 * (hessian + hessian.T))
-        curvatures = jnp.maximum(curvatures, MIN_CURVATURE)
-        step = (vectors / curvatures) @ (vectors.T @ gradient)
-        gain = 0.5 * gradient @ step
-        volume = 0.5 * m * jnp.log(2 * jnp.pi) - 0.5 * jnp.log(curvatures).sum()
-        return _OwnFit(value, value + jnp.minimum(gain, MAX_BELIEVED_GAIN) + volume, gain, step)
+    def of_draw(z: Array) -> Array:
+        return one.log_likelihood(z) + one.log_priors(z)[one.dim - m :].sum()
 
     return map_lanes(of_draw, z, LANES)
-
-
-def _marginals(one: Posterior, m: int, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
-    """Log marginal likelihood of one run, its last m parameters integrated out; Newton steps go on where the last one gained much."""
-    if not m:
-        return _at_draws(partial(_log_likelihoods, one), z)
-    z = z.copy()
-    best = _OwnFit(*(np.array(part) for part in _at_draws(partial(_expand_own, one, m), z)))
-    share = np.ones(len(z))
-    for _ in range(MAX_STEPS):
-        at = np.flatnonzero(np.isfinite(best.gain) & (best.gain > MIN_STEP_GAIN))
-        if not at.size:
-            break
-        tried = z[at]
-        tried[:, -m:] += share[at, None] * best.step[at]
-        there = _at_draws(partial(_expand_own, one, m), tried)
-        better = there[0] > best.density[at]
-        share[at] = np.where(better, 1.0, 0.5 * share[at])
-        z[at[better]] = tried[better]
-        for kept, new in zip(best, there, strict=True):
-            kept[at[better]] = new[better]
-    return np.asarray(best.integral)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.compiled.batching import bucket_length, filled
 from seatrial.core.record import Record
@@ -96,6 +96,26 @@ def first_samples(data: TrialData, samples: int) -> TrialData:
 
     control, channels = tuple(map(cut, data.control)), tuple(map(cut_channel, data.channels))
     return jax.device_put(data._replace(control=control, channels=channels, step=cut(data.step)))
+
+
+def only_measured(data: TrialData, kept: Sequence[Bool[np.ndarray, "trials n"]]) -> list[TrialData]:
+    """Return the same trials several times, each with the measurements of some of its samples only, as arrays of one shape."""
+    time = data.time
+
+    def masked(whole: ChannelData, keep: np.ndarray) -> list[ChannelData]:
+        columns = np.where(keep & (np.asarray(whole.present) > 0), np.asarray(whole.measured), np.nan)
+        return [channel_data(*one) for one in zip(time, columns, strict=True)]
+
+    made = [[masked(whole, keep) for whole in data.channels] for keep in kept]
+    sizes = [max(one.gaps.size for of_mask in made for one in of_mask[c]) for c in range(len(data.channels))]
+
+    def stacked(trials: Sequence[ChannelData], size: int) -> ChannelData:
+        even = [
+            one._replace(gaps=filled(one.gaps, size, FOREVER), counts=filled(one.counts, size, 0.0)) for one in trials
+        ]
+        return ChannelData(*(np.stack(arrays) for arrays in zip(*even, strict=True)))
+
+    return [jax.device_put(data._replace(channels=tuple(map(stacked, of_mask, sizes)))) for of_mask in made]
 
 
 def _trial(

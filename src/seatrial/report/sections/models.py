@@ -117,7 +117,7 @@ def _left_out(outcome: Outcome) -> dict[str, Any]:
     texts, alarm = (*headline(result), *complaints(result)), disagreement(result)
     return {
         "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text == alarm else {}) for text in texts],
-        "lines": [] if result.recommended is None else list(result.recommended.lines),
+        "lines": [] if result.chosen is None else list(result.chosen.lines),
         "heads": heads(result),
         "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in rows(result)],
         "runs": len(result.runs),
