@@ -29,7 +29,8 @@ ACCELERATION = ("[limits.n]", '[sensors.udot]\nnoise = "0.01 m/s^2"\n[limits.n]'
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    campaign = load_campaign(write_small(tmp_path_factory.mktemp("first") / "small", ACCELERATION))
+    formulas = "[estimation]", '[estimation]\nforce_error = "exact"'
+    campaign = load_campaign(write_small(tmp_path_factory.mktemp("first") / "small", ACCELERATION, formulas))
     return campaign, get_trials(campaign)
 
 
@@ -47,9 +48,12 @@ def test_the_mode_and_its_spread(tmp_path):
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
     assert "log evidence by Laplace" in answer.lines()[0]
     contents, cause = answer.lines()[1 + len(answer.rows) :]
-    assert "stated inputs (inertia 5 %, scale of speed sensors 1 % and time of commands 0.5 sample)" in contents
+    assert (
+        "(inertia 5 %, scale of speed sensors 1 % and time of commands 0.5 sample); errors of the formulas of forces (7 %)"
+        in contents
+    )
     assert cause.strip().startswith(
-        "X_uabsu and T_nabsn: most of the ± is from the stated inertia along X. Weigh the vehicle"
+        "X_uabsu and T_nabsn: most of the ± is from forces along X that depart from their formulas. Add terms"
     )
 
 

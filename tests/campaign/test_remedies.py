@@ -172,6 +172,9 @@ def edited(text, kind, of, said):
     if kind == "smooth force":
         assert "structure.optional, with priors" in said
         return text
+    if kind == "backlash":
+        assert said.startswith("give the measured speed or angle")
+        return text
     if kind == "command offset":
         assert "`offset` of its channel" in said
         return re.sub(rf"({of} = {{[^}}]*) }}", r"\1, offset = 0.5 }", text)

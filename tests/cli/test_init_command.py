@@ -75,7 +75,7 @@ def test_in_a_terminal_it_asks_and_asks_again(monkeypatch, tmp_path):
 
 def test_what_the_whole_file_refuses_is_asked_again(monkeypatch, tmp_path):
     monkeypatch.setattr(asked, "_is_terminal", lambda: True)
-    said = typed(tmp_path / "boat", {"limits.n.lower": ["1700 rpm"], "estimation.clock_error": ["", "700 rpm"]})
+    said = typed(tmp_path / "boat", {"limits.n.lower": ["1700 rpm"], "estimation.force_error": ["", "700 rpm"]})
     assert said.exit_code == 0, said.output
     assert "lower below upper" in said.output
     assert load_campaign(tmp_path / "boat").limits.upper > load_campaign(tmp_path / "boat").limits.lower

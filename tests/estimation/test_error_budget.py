@@ -79,21 +79,27 @@ SLOW = {
 """Priors that a model of the noise adds."""
 
 
-def posterior_of(lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH), loss=0.0):
-    """One record by a loop of its own, midpoint steps, fitted without lag, cubic drag and loss of thrust; its sensor may drift within 3 s,
-    and its clock be late by some samples."""
+def posterior_of(
+    lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH), loss=0.0, slack=0.0, half=0.0
+):
+    """One record by a loop of its own, midpoint steps, fitted without lag, backlash, loss of thrust, and drag that is cubic or as u^1.5;
+    its sensor may drift within 3 s, and its clock be late by some samples."""
     rng = np.random.default_rng(seed)
     n = np.repeat(125 + rng.uniform(-60, 60, SAMPLES // 30), 30)
     u, turning, shown, h = 1.5, n[0], [], STEP / 5
     for command in np.r_[np.full(late, n[0]), n][:SAMPLES]:
         shown.append(u)
-        turning = turning if lag else command
+        turning = turning if lag else np.clip(turning, command - slack, command + slack)
         for _ in range(5):
             thrust = TRUTH["T_nabsn"] * turning * abs(turning)
 
             def rate(u, thrust=thrust):
                 return (
-                    thrust * (1 - loss * u) ** 2 + TRUTH["X_u"] * u + TRUTH["X_uabsu"] * u * abs(u) - cubic * u**3
+                    thrust * (1 - loss * u) ** 2
+                    + TRUTH["X_u"] * u
+                    + TRUTH["X_uabsu"] * u * abs(u)
+                    - cubic * u**3
+                    - half * abs(u) ** 1.5
                 ) / FIXED_DRAG.mass
 
             u += h * rate(u + 0.5 * h * rate(u))
@@ -212,6 +218,33 @@ def test_a_loss_of_thrust_with_the_speed_is_found():
     assert max(off[name] / omitted.ratio[posterior.names.index(name)] for name in off) < 2
 
 
+def test_a_backlash_is_found_with_its_size():
+    """The propeller stays where it is until its command has moved 8 rad/s away: T_nabsn is off by 30 of its sds."""
+    posterior = posterior_of(slack=8.0)
+    mode = find_mode(posterior)
+    budget = error_budget(posterior, mode)
+    (found,) = budget.omitted
+    assert (found.effect.kind, found.effect.of) == ("backlash", "n")
+    assert abs(found.size - 8.0) < 4 * found.sd < 2.0
+    off = away(posterior, mode)
+    assert off["T_nabsn"] > 20
+    assert 1.645 * budget.ratio[posterior.names.index("T_nabsn")] > 0.9 * off["T_nabsn"]
+
+
+def test_a_stated_force_covers_a_drag_that_the_data_do_not_show():
+    """Linear and quadratic drag do for one as u^1.5: nothing is found, and the coefficients are far off."""
+    posterior = posterior_of(half=1.0)
+    mode = find_mode(posterior, 0)
+    off = away(posterior, mode)
+    assert min(off["X_u"], off["X_uabsu"]) > 4
+    at = [posterior.names.index(name) for name in off]
+    exact, stated = (error_budget(posterior, mode, StatedErrors(0.0, 0.0, 0.0, force)) for force in (0.0, 0.07))
+    assert exact.omitted == stated.omitted == ()
+    assert exact.ratio[at].max() < 1.3
+    assert all(1.645 * ratio > wrong for ratio, wrong in zip(stated.ratio[at], off.values(), strict=True))
+    assert stated.shares[3, at].min() > 0.5
+
+
 def test_a_lag_is_found_with_its_size_and_what_it_does():
     """No lag has a first-order size: Newton's steps have to reach 0.8 s from none; the delay that looks alike loses."""
     posterior = posterior_of(lag=0.8)
@@ -311,7 +344,7 @@ def test_a_stated_inertia_is_in_every_force():
     """All forces are in proportion to the inertia: 5 % of it is 5 % of each coefficient, in quadrature with what it was."""
     posterior = posterior_of()
     mode = find_mode(posterior, 0)
-    found = error_budget(posterior, mode, StatedErrors(inertia=0.05, scale=0.0, clock=0.0))
+    found = error_budget(posterior, mode, StatedErrors(inertia=0.05, scale=0.0, clock=0.0, force=0.0))
     exact = error_budget(posterior, mode)
     for name, least in (("T_nabsn", 0.8), ("X_uabsu", 0.05)):
         at = found.names.index(name)

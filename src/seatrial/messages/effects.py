@@ -57,9 +57,10 @@ def effect_name(kind: str, of: str) -> str:
         "scale": f"the scale of the sensor of {of}",
         "clock": "commands that act before their stamps",
         "run force": f"a force {of}_0 that differs from run to run",
-        "smooth force": f"a force along {of} that no term of the model has",
+        "smooth force": f"forces along {of} that depart from their formulas",
         "command lag": f"a lag of the actuator of {of}" if of else "a lag of all actuators",
         "delay": "a delay of the actuators",
+        "backlash": f"half of a backlash of the actuator of {of},",
         "thrust loss": "a thrust that falls with the speed",
         "command offset": f"an offset of the command {of}",
         "sensor offset": f"an offset of {of}, a bias of the sensor or a current,",
@@ -128,6 +129,7 @@ ENTRIES = {
             "actuator-lag",
             "delay-of-actuators",
             "measured-command",
+            "measured-actuator",
             "thrust-loss",
             "correct-zero",
             "sensor-bias",
@@ -183,6 +185,9 @@ REMEDIES = {
         "[import]; else correct `shift` of their file",
         python='if the commands were measured and this is half their sampling time, give between="line"',
     ),
+    "measured-actuator": Remedy(
+        "give the measured speed or angle of the actuator in place of its command, or remove its backlash"
+    ),
     "thrust-loss": Remedy(
         command="add the loss of thrust to structure.optional, with a prior: T_un for a propeller, T_f and T_uabsf for thrusters, "
         "X_utau_X for a force",
@@ -210,8 +215,10 @@ REMEDIES = {
         python='give the sensors noise="drifting": the residuals are correlated',
     ),
     "wider-structure": Remedy(
-        command="add terms to structure.optional, with priors, or give the axis a force with memory by a prior of `disturbance`",
-        python="make further terms free, with priors, or give the axis a force with memory by a prior of `disturbance`",
+        command="add terms to structure.optional, with priors, give the axis a force with memory by a prior of `disturbance`, or state a "
+        "smaller estimation.force_error if other tests of the vehicle show it",
+        python="make further terms free, with priors, give the axis a force with memory by a prior of `disturbance`, or state "
+        "`StatedErrors(force=...)`",
     ),
     "compare-runs": Remedy(
         command="look for what changed between the runs, or let a coefficient vary by estimation.varying",
@@ -231,9 +238,10 @@ def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
     }
     kinds = {one.kind for one in budget.stated}
     inputs = listed([one for kind, one in words.items() if kind in kinds]) or "taken as exact"
+    forces = f"errors of the formulas of forces ({percent(stated.force)}); " if stated.force else ""
     return (
-        f"± contains noise, also slow noise; stated inputs ({inputs}); differences between runs; and {len(budget.tried)} effects that the "
-        "model may lack. Other effects can move values further."
+        f"± contains noise, also slow noise; stated inputs ({inputs}); {forces}differences between runs; and {len(budget.tried)} effects "
+        "that the model may lack. Other effects can move values further."
     )
 
 

@@ -210,6 +210,10 @@ class EstimationTable(Table):
         default=0.5,
         description='the same of the time between commands and motion, in intervals of the samples; or "exact"',
     )
+    force_error: StatedShare = Field(
+        default=0.07,
+        description='the same of the forces of motion, and of those of commands, about their formulas, as a share; or "exact"',
+    )
     sampler: SamplerName = Field(
         default=DEFAULT, description="how the posterior is sampled: [the samplers](../explanation/samplers.md)"
     )

@@ -27,6 +27,7 @@ REMEDIES = {
     "clock": ("measured-command",),
     "run force": ("compare-runs",),
     "smooth force": ("wider-structure",),
+    "backlash": ("measured-actuator",),
     "thrust loss": ("thrust-loss",),
     "command offset": ("correct-zero",),
     "sensor offset": ("sensor-bias",),
@@ -81,7 +82,7 @@ def causes_of(budget: ErrorBudget, within: Mapping[str, float]) -> dict[str, str
 
 def stated_errors(table: EstimationTable) -> StatedErrors:
     """Return the standard deviations that a campaign states of what no residual shows."""
-    stated = (table.inertia_error, table.scale_error, table.clock_error)
+    stated = (table.inertia_error, table.scale_error, table.clock_error, table.force_error)
     return StatedErrors(*(0.0 if one == "exact" else one for one in stated))
 
 

@@ -12,7 +12,8 @@ Which sources there are, and how large, is not known: their sets are averaged by
 sources are in each set. None of the others is there with the probability `NOTHING`; a term of another structure is as probable as not, and
 has its own prior. The noise of each channel is the one that makes the residuals of a set most probable, among the shape at
 the mode and such with a smaller slow part: what a source explains was a part of the noise. A set is followed: the motion and its
-sensitivities are found anew at the values of the best one, until these stay.
+sensitivities are found anew at the values of the best one, until these stay. The stated smooth force is added to the sets once their
+probabilities are known: it would take up what an effect explains, and hide its size.
 
 A parameter lies within x of its value at the mode with the probability sum_S p_S [Phi((x - shift_S) / sd_S) - Phi((-x - shift_S) / sd_S)]
 (Hoeting et al., Statistical Science 14, 1999). The standard deviation with all errors is the x of 90 %, over that of one normal
@@ -67,7 +68,7 @@ NEAR_SIZES = 3  # Sizes of a source that are tried beside others
 MIN_LOG_SHARE = -6.0  # Log probability of such a set, over that of the best
 ROUNDS, SETTLED = 9, 0.2  # Rounds in which sets are followed at most; move of a value, over its sd, that ends them
 WIDE_LAGS, CLOSE_LAGS, NEAR_LAG = 1.3, 1.05, 0.1  # Ratios about a lag that was found, and its move that narrows them
-LATE = "command lag", "delay"  # Effects whose size is a lag
+LATE = "command lag", "delay", "backlash"  # Effects of two columns, whose size is between those of these
 MIN_LATE, MIN_LAG = 0.2, 0.02  # Share of a command that comes late, and lag, s, from which a lag is followed
 # Rounds in which the noise of a set is found at most, and the gain that ends them.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
@@ -81,8 +82,10 @@ MIN_CONTRADICTION = 2.5  # Distance of a stated input from its value by the data
 MIN_ALIKE_SHARE = 0.05  # Probability of an effect in place of the one that is found, from which it is named beside it
 MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5  # Sources named as a cause at most, and their share of what the first of them adds
 TINY = float(np.finfo(float).tiny)
+SMOOTH = "smooth force"
+MIN_WEIGHT = 1e-4  # Probability of a set, over that of the best, below which it is left out of the average
 ORIGINS = ("noise", "stated", "runs", "model")
-EXACT = StatedErrors(0.0, 0.0, 0.0)
+EXACT = StatedErrors(0.0, 0.0, 0.0, 0.0)
 
 
 class Omitted(NamedTuple):
@@ -116,7 +119,7 @@ class ErrorBudget:
         causes: sources that make most of what the noise does not, by parameter.
         omitted: effects that are there more probably than not, the most probable first.
         tried: effects that were looked for; none where the likelihood has process noise, or is one's own.
-        stated: of each stated source its value after the data and its standard deviation, over the one stated.
+        stated: of each stated source but the smooth force its value after the data and its standard deviation, over the one stated.
         slow: channels whose residuals are slow although their noise is taken as white.
         farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
             prior alone.
@@ -183,20 +186,21 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = EXACT)
     ratio, shares = np.ones(len(names)), np.zeros((4, len(names)))
     shares[0] = 1.0
     weight = np.exp([one.log_density - members[0].log_density for one in members])
-    weight /= weight.sum()
+    members, weight = members[: (kept := int((weight > MIN_WEIGHT).sum()))], weight[:kept] / weight[:kept].sum()
+    widened = model.with_force(stated.force, members)
     causes: list[tuple[Effect, ...]] = [()] * len(names)
     for k, place in enumerate(shared):
         if place not in moving:
             continue
         at = moving[place]
-        shift = np.array([one.values[at] - mode.z[place] for one in members]) / sd[place]
-        width = np.array([np.sqrt(one.cov[at, at]) for one in members]) / sd[place]
+        shift = np.array([one.values[at] - mode.z[place] for one in widened]) / sd[place]
+        width = np.array([np.sqrt(one.cov[at, at]) for one in widened]) / sd[place]
         ratio[k] = max(1.0, half_width(weight, shift[:, None], width[:, None])[0] / ndtri(BAND))
-        added = model.added(members, weight, at, mode.z[place])
+        added = model.added(widened, weight, at, mode.z[place])
         shares[:, k] = _by_origin(model.sources, added)
         causes[k] = _most(model.sources, added[1:])
     omitted = _omitted(model, members, weight, mode, shared, moving, sd)
-    tried = tuple(one.effect for one in model.sources if one.stated is None)
+    tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
     slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
     return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, model.after(members[0]), slow, farthest)
@@ -389,6 +393,14 @@ class LinearModel:
                 break
         return sorted(members.values(), key=lambda one: -one.log_density)
 
+    def with_force(self, share: float, members: Sequence[Member]) -> list[Member]:
+        """Return sets of sources with a stated smooth force of this share along each axis, unless the set has one."""
+        smooth = {
+            i: Option(0.0, share, 0.0) for i, one in enumerate(self.sources) if one.effect.kind == SMOOTH and share
+        }
+        result = self.members([{**smooth, **dict(one.chosen)} for one in members])
+        return [one._replace(chosen=before.chosen) for one, before in zip(result, members, strict=True)]
+
     def added(
         self, members: Sequence[Member], weight: Float[np.ndarray, " s"], at: int, mode: float
     ) -> Float[np.ndarray, " sources"]:
@@ -503,7 +515,7 @@ def follow_sources(
     The smooth force waits until the others have settled: it would take up what is not linear about them. A lag and a delay are alike at
     first: where the best set has one of them, it is looked whether one without it leads to a better.
     """
-    left_out = ("smooth force",)
+    left_out = (SMOOTH,)
     model, best = _follow_best(posterior, mode, stated, left_out, among)
     for kind in {model.sources[i].effect.kind for i, _ in best.chosen} & {*LATE}:
         other = _follow_best(posterior, mode, stated, (*left_out, kind), among)

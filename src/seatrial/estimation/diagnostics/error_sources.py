@@ -1,16 +1,19 @@
 """Sources of error beside the noise of the sensors, and how each of them moves what the sensors show.
 
-    stated      the inertia of each axis, the scale of a velocity sensor, the time between the commands and the motion
-    found       a force along each axis that differs from run to run; effects that the model may lack: a term, a lag or an offset of a
-                command, a thrust that falls with the speed, an offset of a sensor, a start; and a force that is smooth in the
-                velocities, the commands and those of some time before
+    stated      the inertia of each axis, the scale of a velocity sensor, the time between the commands and the motion, and by how much
+                forces depart from their formulas, by a smooth force
+    found       a force along each axis that differs from run to run; effects that the model may lack: a term, a lag, a backlash or an
+                offset of a command, a thrust that falls with the speed, an offset of a sensor, a start; and a larger smooth force
 
 Each source is a column, or some, along which force, commands, starts and outputs change in proportion to its sizes. A force is held over
 each step at the mean of its values at both ends, about a motion that is known: to second order in the step, and without the cost of its
 equation in every derivative. Sizes of what is found are shares of the root mean square of the force, the command or the channel.
 
-The smooth force is a Gaussian process with a squared exponential kernel over inputs in units of their spread, by the columns of its
-pivoted Cholesky factor (Foster et al., Journal of Machine Learning Research 10, 2009).
+The smooth force is a Gaussian process of velocities, commands and those of some time before, x in units of their reach: the model's
+forces of motion f and of commands g, each times a share that changes smoothly, with the kernel
+s^2 (f(x) f(x') + g(x) g(x')) exp(-|x - x'|^2 / 2), by the columns of its pivoted Cholesky factor (Foster et al., Journal of
+Machine Learning Research 10, 2009). Drag of another power, or a thrust that falls with the inflow, is nearly the same in the data as
+other coefficients: only what is stated covers it.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -45,10 +48,12 @@ MOTIONS = {*RATES, *ANGLES}  # Controls that are motions given as measured, and 
 # How controls begin that may act on other axes than the model has them on: generalised forces, which may act off the
 # centre, and fins.
 COUPLED = ("tau_", "delta_")
-LAGS = (0.5, 2.0)  # Lags and delays of commands, s, of which sums stand for any between and about them
-# Columns of the smooth force; reach of its kernel, in standard deviations of the inputs; points of which its columns
-# are made.
-RANK, REACH, POINTS = 10, 4.0, 500
+# Lags and delays of commands, s, of which sums stand for any between and about them; half a backlash, over this share of
+# the spread of its command.
+LAGS, SLACK = (0.5, 2.0), 0.25
+# Columns of the smooth force, and points of which they are made.
+RANK, POINTS = 12, 500
+REACH, SHARE = 3.0, 0.6  # Reach of its kernel, in standard deviations of an input, and at least as a share of its mean
 RIDGE = 1e-7  # Of the kernel, for rounding
 MIN_RUNS = 3  # Runs from which on a difference between runs is told from an error of the model
 SIDE_BY_SIDE = 8  # Slopes that are computed at once: each needs controls of its own over the whole record
@@ -61,6 +66,7 @@ Kind = Literal[
     "force",
     "command lag",
     "delay",
+    "backlash",
     "command offset",
     "thrust loss",
     "sensor offset",
@@ -77,11 +83,13 @@ class StatedErrors:
         inertia: of each axis, over its stated value.
         scale: of each sensor of a velocity.
         clock: of the time between commands and motion, in intervals of the samples; where it is exact, a shift is looked for.
+        force: share by which the forces of motion, and those of commands, depart from their formulas.
     """
 
     inertia: float = 0.05
     scale: float = 0.01
     clock: float = 0.5
+    force: float = 0.07
 
 
 @dataclass(frozen=True)
@@ -145,7 +153,8 @@ class Perturbed(NamedTuple):
         sizes: of the sources in it, shape (m,).
         sources: of error.
         columns: of the sources.
-        lags: pairs of lags, s, that stand for those of commands where they were found before.
+        lags: pairs of lags, s, that stand for those of commands where they were found before; of backlash, in units of its `worth`.
+        force: root mean square of the larger of the two forces that velocities and that commands make, by axis.
     """
 
     z: Float[np.ndarray, " d"]
@@ -153,6 +162,7 @@ class Perturbed(NamedTuple):
     sources: tuple[Source, ...]
     columns: Columns
     lags: Mapping[Effect, tuple[float, float]]
+    force: Mapping[str, float]
 
 
 def lay_out(
@@ -184,7 +194,7 @@ def lay_out(
         if among is None or effect in among:
             builder.add(effect, worth, stated_sd, columns)
     own = np.zeros(builder.count) if sizes is None else sizes
-    return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags)
+    return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags, motion.force)
 
 
 def linearise(posterior: Posterior, at: Perturbed) -> list[Float[np.ndarray, "trials n _"]]:
@@ -269,16 +279,20 @@ class _Motion:
         per_force = self.acceleration(axis, here, 1.0) - self.acceleration(axis, here)
         return 1.0 / float(np.mean(per_force))
 
-    def _force(self, axis: str) -> float:
-        """Return the root mean square of the larger of the two forces that velocities and that commands make."""
-        here = {**self.states, **self.controls}
+    def parts(self, axis: str, states: Mapping[str, np.ndarray]) -> Float[np.ndarray, "trials n 2"]:
+        """Return the forces that velocities and that commands make, for states at one end of each step."""
+        here = {**states, **self.controls}
         still = {name: np.zeros_like(x) if name in RATES else x for name, x in here.items()}
         idle = {
             name: np.zeros_like(x) if name in self.controls or name.endswith(ACTUAL) else x for name, x in here.items()
         }
         whole = self.acceleration(axis, here)
         parts = (np.broadcast_to(whole - self.acceleration(axis, other), self.step.shape) for other in (still, idle))
-        return abs(self.inertia[axis]) * max(map(self.rms, parts))
+        return self.inertia[axis] * np.stack([*parts], -1)
+
+    def _force(self, axis: str) -> float:
+        """Return the root mean square of the larger of the two forces that velocities and that commands make."""
+        return max(map(self.rms, np.moveaxis(self.parts(axis, self.states), -1, 0)))
 
 
 # A column: the field of `Columns` that it is of, its place on the last axis (None for all), and its values.
@@ -369,6 +383,12 @@ def _sources(
         yield Effect("command offset", name, signal_unit(name)), size, None, [("control", at, size)]
     unknown = {one.name for one in model.unknowns}
     may_lag = [one for one in commands if f"lag_{one}" not in unknown and one + ACTUAL not in model.states]
+    for name in commands:
+        spread = float(motion.controls[name][motion.inside].std())
+        if spread and not name.startswith("tau_"):
+            command, worth, effect = motion.controls[name], SLACK * spread, Effect("backlash", name, signal_unit(name))
+            follows = [_with_backlash(command, slack * worth) - command for slack in lags.get(effect, LAGS)]
+            yield effect, worth, None, [("control", controls.index(name), one) for one in follows]
     late_alike = [Effect("delay", "", "s")] * (not likelihood.simulator.delay)
     late_alike += [Effect("command lag", "", "s")] * (len(may_lag) > 1)
     for effect in (*(Effect("command lag", name, "s") for name in may_lag), *late_alike):
@@ -400,9 +420,9 @@ def _sources(
                     [("start", i, size)],
                 )
     if axes:
-        features = _features(motion, past)
         for i, axis in enumerate(axes):
-            yield Effect("smooth force", axis), 1.0, None, [("force", i, motion.force[axis] * one) for one in features]
+            smooth: list[_Column] = [("force", i, one) for one in _features(motion, past, axis)]
+            yield Effect("smooth force", axis), 1.0, None, smooth
 
 
 def _forces(posterior: Posterior) -> list[CoefficientName]:
@@ -466,32 +486,35 @@ def _stated_inertia(model: VehicleModel) -> dict[str, float]:
     return result
 
 
-def _features(motion: _Motion, past: Mapping[str, list[np.ndarray]]) -> Float[np.ndarray, "rank trials n"]:
+def _features(motion: _Motion, past: Mapping[str, list[np.ndarray]], axis: str) -> Float[np.ndarray, "rank trials n"]:
     """Return the columns of the smooth force, means over each step."""
     constant = [x for values in past.values() for x in values]
-    inputs = [motion.states[rate] for rate in motion.rates] + [*motion.controls.values(), *constant]
-    ends = [motion.next[rate] for rate in motion.rates] + [*motion.controls.values(), *constant]
-    inside = np.stack(inputs, -1)[motion.inside]
-    spread = inside.std(0)
-    moves = spread > 1e-9 * (1.0 + np.abs(inside).max(0))
-    centre, spread = inside.mean(0)[moves], spread[moves]
-    random = np.random.default_rng(0)
-    points = random.choice(len(inside), min(len(inside), POINTS), replace=False)
-    points = ((inside[:, moves] - centre) / spread)[np.sort(points)]
+    ends = []
+    for states in (motion.states, motion.next):
+        inputs = [*(states[rate] for rate in motion.rates), *motion.controls.values(), *constant]
+        ends.append(np.concatenate([motion.parts(axis, states), np.stack(inputs, -1)], -1)[motion.inside])
+    mean, spread = np.abs(ends[0].mean(0))[2:], ends[0].std(0)[2:]
+    moves = spread > 1e-9 * (1.0 + mean)
+    reach = np.maximum(REACH * spread, SHARE * mean)[
+        moves
+    ]  # small motions about a trim do not make forces change faster
 
     def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.exp(-0.5 * ((a[:, None] - b) ** 2).sum(-1) / REACH**2)
+        apart = (a[:, None, 2:] - b[:, 2:])[..., moves] / reach
+        return (a[:, :2] @ b[:, :2].T) * np.exp(-0.5 * np.square(apart).sum(-1))
 
-    pivots, factor, left = [], np.zeros((len(points), 0)), np.ones(len(points))
+    random = np.random.default_rng(0)
+    points = ends[0][np.sort(random.choice(len(ends[0]), min(len(ends[0]), POINTS), replace=False))]
+    pivots, factor, left = [], np.zeros((len(points), 0)), np.square(points[:, :2]).sum(1)
+    ridge = RIDGE * (float(left.max()) or 1.0)
     for _ in range(min(RANK, len(points))):
         pivots.append(at := int(np.argmax(left)))
-        column = (kernel(points, points[[at]])[:, 0] - factor @ factor[at]) / np.sqrt(max(left[at], RIDGE))
+        column = (kernel(points, points[[at]])[:, 0] - factor @ factor[at]) / np.sqrt(max(left[at], ridge))
         factor, left = np.column_stack([factor, column]), np.maximum(left - column**2, 0.0)
-    root = np.linalg.cholesky(kernel(points[pivots], points[pivots]) + RIDGE * np.eye(len(pivots)))
+    root = np.linalg.cholesky(kernel(points[pivots], points[pivots]) + ridge * np.eye(len(pivots)))
     features = np.zeros((len(pivots), *motion.step.shape))
-    for values in (inputs, ends):
-        scaled = (np.stack(values, -1)[motion.inside][:, moves] - centre) / spread
-        features[:, motion.inside] += 0.5 * np.linalg.solve(root, kernel(points[pivots], scaled))
+    for end in ends:
+        features[:, motion.inside] += 0.5 * np.linalg.solve(root, kernel(points[pivots], end))
     return features
 
 
@@ -507,6 +530,14 @@ def _late(
         late[:, k] = column[:, k] + away * share[:, k]
         actual = column[:, k] + away * left[:, k]
     return late
+
+
+def _with_backlash(column: Float[np.ndarray, "trials n"], slack: float) -> Float[np.ndarray, "trials n"]:
+    """Return what follows a held command once that has moved away from it by half of a backlash."""
+    actual, result = column[:, 0].copy(), np.empty_like(column)
+    for k in range(column.shape[1]):
+        result[:, k] = actual = np.clip(actual, column[:, k] - slack, column[:, k] + slack)
+    return result
 
 
 def _delayed(
