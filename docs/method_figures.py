@@ -110,21 +110,24 @@ def memory() -> None:
 
 
 def held_back() -> None:
-    """What bands and coefficients hold when the model is wrong, from the table of held_back.md."""
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "| white |" in line]
-    figure, axes = plt.subplots(figsize=(5.2, 3.3))
+    """What bands and coefficients hold when the model is wrong, from the tables of held_back.md."""
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "% |" in line]
+    bands = {row[0]: row[3] for row in rows if row[1] == "white"}
+    rows = [row for row in rows if row[1].isdigit()]
+    figure, axes = plt.subplots(figsize=(5.2, 3.6))
     place = np.arange(len(rows))[::-1]
-    for column, marker, label in (
-        (3, "o", "new samples in their 90 % band"),
-        (12, "s", "coefficients in their 90 % interval"),
-        (13, "d", "in the interval with model error"),
+    for cells, marker, label in (
+        ([bands.get(row[0], "nan") for row in rows], "o", "new samples in their 90 % band"),
+        ([row[2] for row in rows], "s", "coefficients in the interval of the model"),
+        ([row[5] for row in rows], "d", "in the interval with all errors"),
     ):
+        shares = [float(cell.split("%")[0]) for cell in cells]
         axes.plot(
-            [float(row[column].rstrip("%")) for row in rows],
+            shares,
             place,
             marker,
-            color="black" if column == 3 else BLUE,
-            mfc="none" if column == 13 else None,
+            color="black" if marker == "o" else BLUE,
+            mfc="none" if marker == "d" else None,
             label=label,
         )
     axes.axvline(90, color=GREY, linewidth=0.8)
