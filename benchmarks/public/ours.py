@@ -25,7 +25,7 @@ from seatrial.core.record import Record
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
-from seatrial.estimation.prediction.prediction import predict
+from seatrial.estimation.prediction.prediction import offsets_at_zero, predict
 
 RUN_DRAWS = 200
 """Draws that are simulated over a whole run."""
@@ -75,7 +75,7 @@ def _fit(problem: Problem, campaign: Campaign) -> "Ours":
     several = (
         f"{drawn.structure.label} of {len(campaign.structures)} structures: " if len(campaign.structures) > 1 else ""
     )
-    draws = dict(zip(drawn.names, drawn.draws().T, strict=True))
+    draws = offsets_at_zero(dict(zip(drawn.names, drawn.draws().T, strict=True)))
     return Ours(campaign, posterior, draws, about, about_sd, several + " ".join(drawn.structure.terms))
 
 

@@ -8,6 +8,7 @@ import scipy
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
+from seatrial.estimation.prediction.prediction import offsets_at_zero
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 
@@ -84,3 +85,16 @@ def test_errors_are_found_by_which_held_values_are_beaten(surge):
     left = ahead.measured - ahead.mean
     assert np.nanmean(left**2) < 0.5 * np.nanmean(held**2)
     assert 0.7 < np.nanmean((left / ahead.sd) ** 2) < 1.5
+
+
+def test_a_constant_force_that_may_be_zero_is_zero_on_another_day():
+    """The others are where the joint normal distribution has them given that; one that is clearly not zero stays."""
+    cov = np.array([[0.04, 0.03, 0.01], [0.03, 0.09, 0.02], [0.01, 0.02, 0.01]])
+    drawn = np.random.default_rng(1).multivariate_normal([0.1, -1.0, 0.5], cov, 200_000).T
+    draws = dict(zip(("X_0", "X_u", "N_0"), drawn, strict=True))
+    moved = offsets_at_zero(draws)
+    assert moved["X_0"].mean() == pytest.approx(0.0, abs=1e-9)
+    assert moved["X_0"].std() == pytest.approx(0.2, rel=0.01)
+    assert moved["X_u"].mean() == pytest.approx(-1.0 - 0.03 / 0.04 * 0.1, abs=0.005)
+    assert moved["N_0"].mean() == pytest.approx(0.5 - 0.01 / 0.04 * 0.1, abs=0.005)
+    assert offsets_at_zero({"X_0": draws["X_0"] + 1.0})["X_0"].mean() == pytest.approx(1.1, abs=0.005)

@@ -36,7 +36,7 @@ from seatrial.estimation.prediction.pooled_coverage import (
     shared_motion,
     without_numbers,
 )
-from seatrial.estimation.prediction.prediction import Prediction, predict
+from seatrial.estimation.prediction.prediction import Prediction, offsets_at_zero, predict
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, integrated_correlation, new_residuals
 from seatrial.estimation.prediction.short_horizon import (
     HORIZON,
@@ -67,7 +67,7 @@ class HeldBack(NamedTuple):
 
 def predict_held_back(campaign: Campaign, drawn: Drawn, trials: Trials) -> HeldBack:
     """Predict the records that were not fitted; nothing is stored."""
-    predicted, setting = [_predict(campaign, drawn, record) for record in trials.predict], _setting(campaign)
+    predicted, setting = [_predict(campaign, drawn, record, True) for record in trials.predict], _setting(campaign)
     ahead = _forecast_by(campaign, drawn, trials.fit)
     fits = [fit for one in predicted for fit in _fits(setting, one, ahead, trials.fit)]
     return HeldBack(tuple(fits), _pooled(setting, predicted, fits), tuple(map(_curves, predicted)))
@@ -95,7 +95,7 @@ def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predi
 
     def predict() -> Predictions:
         records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
-        predicted = [_predict(campaign, estimate, record) for record in records]
+        predicted = [_predict(campaign, estimate, record, at >= count) for at, record in enumerate(records)]
         ahead = _forecast_by(campaign, estimate, trials.fit)
         fits = _fitted(setting, predicted[:count], ahead)
         fits += [fit for one in predicted[count:] for fit in _fits(setting, one, ahead, trials.fit)]
@@ -238,12 +238,13 @@ def _finding(group: Sequence[Fit]) -> Finding:
     )
 
 
-def _predict(campaign: Campaign, drawn: Drawn, record: Record) -> Prediction:
+def _predict(campaign: Campaign, drawn: Drawn, record: Record, held_back: bool = False) -> Prediction:
+    draws = dict(zip(drawn.names, drawn.draws().T, strict=True))
     posterior = posterior_of_one(campaign, drawn.structure, record)
     model = posterior.likelihood.model
     return predict(
         posterior,
-        dict(zip(drawn.names, drawn.draws().T, strict=True)),
+        offsets_at_zero(draws) if held_back else draws,
         record,
         start=initial_state(campaign, model, record),
         first_sd={state: first_sd(campaign.noise, state) for state in model.states},

@@ -14,6 +14,7 @@ from scipy.special import ndtr, ndtri
 from seatrial.compiled.programs import program
 from seatrial.compiled.random_keys import fold_in
 from seatrial.core.argument_checks import check_count, check_kind
+from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.result_table import table_html, table_text
@@ -194,6 +195,30 @@ def predict(
         likelihood,
         {name: float(np.mean(column)) for name, column in values.items()},
     )
+
+
+def offsets_at_zero(draws: Mapping[str, Float[np.ndarray, " draws"]]) -> dict[str, Float[np.ndarray, " draws"]]:
+    """Return draws for a run of another day: a constant force whose 90 % interval contains zero is zero, with the spread it had.
+
+    Trim, a tether or a slope of the current differ from day to day, and one that is hardly seen says nothing of the next. Other parameters
+    follow as the draws say that they do where that force is zero.
+
+    Args:
+        draws: of each parameter by name, SI.
+    """
+    constant = [name for name in draws if is_coefficient(name) and not CoefficientName.parse(name).factors]
+    near = [name for name in constant if np.prod(np.quantile(draws[name], (0.05, 0.95))) < 0]
+    if not near:
+        return dict(draws)
+    offsets = np.array([draws[name] for name in near])
+    mean = offsets.mean(1)
+    cov = np.atleast_2d(np.cov(offsets))
+
+    def moved(column: np.ndarray) -> np.ndarray:
+        with_offsets = (offsets - mean[:, None]) @ (column - column.mean()) / (column.size - 1)
+        return column - np.linalg.lstsq(cov, with_offsets)[0] @ mean
+
+    return {name: moved(np.asarray(column)) for name, column in draws.items()}
 
 
 def replicate_record(
