@@ -63,7 +63,7 @@ def test_forecasts_are_those_of_the_joint_normal_distribution(surge):
     record, mean, cov, posterior = surge
     draws = {"X_u": np.full(2, DRAG), "X_tau_X": np.full(2, GAIN), "sigma_u": np.full(2, 0.02)}
     begins, steps = [5, 9, 30, 50], 12
-    ahead = Forecaster(posterior, draws, ERRORS, {"u": FIRST_SD}).forecast(record, begins, steps, start={"u": 0.0})
+    ahead = Forecaster(posterior, draws, (ERRORS,), {"u": FIRST_SD}).forecast(record, begins, steps, start={"u": 0.0})
     for place, begin in enumerate(begins):
         seen = np.flatnonzero(np.isfinite(record.channel("u")[: begin + 1]))
         later = np.arange(begin + 1, min(begin + 1 + steps, N))
@@ -74,6 +74,19 @@ def test_forecasts_are_those_of_the_joint_normal_distribution(surge):
         np.testing.assert_allclose(ahead.sd[place, : later.size, 0], np.sqrt(variance), rtol=1e-3)
     assert np.isnan(ahead.mean[-1, -1])
     assert np.isnan(ahead.measured[-1, -1])
+
+
+def test_what_was_forecast_better_before_has_the_weight(surge):
+    """Errors that are a hundred times too large lose it to the right ones, though they come first."""
+    record, _, _, posterior = surge
+    draws = {"X_u": np.full(2, DRAG), "X_tau_X": np.full(2, GAIN), "sigma_u": np.full(2, 0.02)}
+    wide = ERRORS | {"drift_u": 5.0, "disturbance_X": 10.0}
+    both, right = (
+        Forecaster(posterior, draws, sets, {"u": FIRST_SD}).forecast(record, [2, 40], 5, start={"u": 0.0})
+        for sets in ((wide, ERRORS), (ERRORS,))
+    )
+    np.testing.assert_allclose(both.mean[1], right.mean[1], rtol=1e-2)
+    assert (both.sd[0] > 5 * right.sd[0]).all()
 
 
 def test_errors_are_found_by_which_held_values_are_beaten(surge):

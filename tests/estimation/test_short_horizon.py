@@ -35,7 +35,7 @@ def driven(drag, gain, n=900):
 def forecaster(record, drag):
     priors = {"X_u": Normal(0.0, 1.0), "X_tau_X": Normal(1.0, 0.1), "sigma_u": LogUniform(1e-3, 1.0)}
     draws = {"X_u": np.full(2, drag), "X_tau_X": np.ones(2), "sigma_u": np.full(2, 0.01)}
-    return Forecaster(make_posterior(SURGE, record, priors, start={"u": 0.0}), draws, ERRORS, {"u": 0.1})
+    return Forecaster(make_posterior(SURGE, record, priors, start={"u": 0.0}), draws, (ERRORS,), {"u": 0.1})
 
 
 def test_what_leaves_its_course_is_forecast_until_errors_have_grown():

@@ -12,7 +12,7 @@ such force, sizes and memories of force and sensor errors are those by which the
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -61,6 +61,11 @@ BEGIN_SHARE, FEW_SHARE = 0.05, 1e-3
 MAX_SAMPLES, MIN_SAMPLES = 1600, 300
 MAX_ITERATIONS, DIFFERENCE = 40, 1e-4  # Steps of that search, and change of a logarithm from which slopes follow
 MAX_DRAWS = 40
+# Sets for runs in which the model is wrong by more: sensor errors over the size of the motion, forces over those found, and memory over the
+# horizon; and their log weight before anything was forecast.
+WIDE_ERROR, WIDE_FORCE, LONG, RARE = 0.2, 10.0, 5.0, -3.0
+PAST = 6  # Forecasts before the first that is asked for, by which sets are weighed
+NO_DENSITY = -1e6  # Log density of what a forecast that is not finite gave
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +94,16 @@ class Forecast:
         return np.where((rows < len(columns))[..., None], columns[np.minimum(rows, len(columns) - 1)], np.nan)
 
 
+class _Drawn(NamedTuple):
+    """One record under every draw: the simulator without memory, values, data, controls as they act, and first states."""
+
+    simulator: Simulator
+    values: Mapping[str, np.ndarray]
+    data: TrialData
+    control: tuple[np.ndarray, ...]
+    starts: Float[np.ndarray, "draws states"]
+
+
 @dataclass(frozen=True, eq=False)
 class Forecaster:
     """A fitted vehicle, and the errors that remain.
@@ -96,13 +111,13 @@ class Forecaster:
     Attributes:
         posterior: of the fitted records.
         draws: of the posterior, by parameter name, SI.
-        errors: size and memory of the force on each axis and of the errors of each sensor, SI, by parameter name.
+        errors: sets of sizes and memories of the force on each axis and of the errors of each sensor, SI, by parameter name.
         first_sd: see `make_forecaster`.
     """
 
     posterior: Posterior
     draws: Mapping[str, Float[np.ndarray, " draws"]]
-    errors: Mapping[str, float]
+    errors: tuple[Mapping[str, float], ...]
     first_sd: Mapping[str, float]
 
     def forecast(
@@ -129,41 +144,47 @@ class Forecaster:
         output, data, begins = alone.likelihood.output, alone.data, np.asarray(begins)
         simulator, count = without_memory(output.simulator), len(next(iter(values.values())))
         values |= {name: np.asarray(column)[:, 0] for name, column in jax.vmap(output.apart)(values).items()}
-        starts = np.asarray(
-            jax.vmap(lambda one: jnp.broadcast_to(output.starts(one, data)[0], data.initial[0].shape))(values)
-        )
+        first = jax.vmap(lambda one: jnp.broadcast_to(output.starts(one, data)[0], data.initial[0].shape))(values)
         data = jax.tree.map(lambda x: np.repeat(np.asarray(x), count, 0), data)
-        control = acting_control(output.simulator, values, data)
-        errors = {name: np.array([value]) for name, value in self.errors.items()}
-        motion = linear_motion(simulator, values, data, control, starts, errors, self.initial_sd)
-        track = follow(
-            motion, errors_over(simulator, errors, data.step[0]), shown_by(data), starts, self.initial_sd, begins
-        )
+        drawn = _Drawn(simulator, values, data, acting_control(output.simulator, values, data), np.asarray(first))
+        # Forecasts that had ended before weigh the sets.
+        past = begins.min() - steps * np.arange(1, (PAST if len(self.errors) > 1 else 0) + 1)
+        every, place = np.unique(np.concatenate([begins, past[past >= 0]]), return_inverse=True)
+        each = [self._by(drawn, errors, record, every, steps) for errors in self.errors]
+        mean, sd = _weighed(each, steps)
+        own = place[: len(begins)]
+        return Forecast(record, output.channels, begins, mean[own], sd[own])
+
+    def _by(
+        self, drawn: "_Drawn", errors: Mapping[str, float], record: Record, begins: Int[np.ndarray, " k"], steps: int
+    ) -> Forecast:
+        """Forecast with one set of sizes and memories."""
+        simulator, values, data, control, starts = drawn
+        rows = {name: np.array([value]) for name, value in errors.items()}
+        motion = linear_motion(simulator, values, data, control, starts, rows, self.initial_sd)
+        over = errors_over(simulator, rows, data.step[0])
+        track = follow(motion, over, shown_by(data), starts, self.initial_sd, begins)
         # Past the end no time passes.
-        rows = begins[:, None] + np.arange(bucket_length(steps) + 1)
-        inside, rows = rows < record.time.size, np.minimum(rows, data.step.shape[1] - 1)
-        ahead, held = np.where(inside, data.step[0][rows], 0.0), tuple(column[:, rows] for column in control)
+        at = begins[:, None] + np.arange(bucket_length(steps) + 1)
+        inside, at = at < record.time.size, np.minimum(at, data.step.shape[1] - 1)
+        ahead, held = np.where(inside, data.step[0][at], 0.0), tuple(column[:, at] for column in control)
         lanes = bucket_length(len(begins))
 
         def padded(x: np.ndarray, axis: int) -> np.ndarray:
             return np.moveaxis(filled(np.moveaxis(x, axis, 0), lanes), 0, axis)
 
-        begun = padded(track.mean[:, :, 0].swapaxes(0, 1), 1)
-        path, shown = map(
-            np.asarray,
-            _pieces(simulator)(
-                values, dict(self.errors), begun, tuple(padded(column, 1) for column in held), padded(ahead, 0)
-            ),
-        )
+        begun, driven = padded(track.mean[:, :, 0].swapaxes(0, 1), 1), tuple(padded(column, 1) for column in held)
+        path, shown = map(np.asarray, _pieces(simulator)(values, dict(errors), begun, driven, padded(ahead, 0)))
         path, shown = path[:, : len(begins)], shown[:, : len(begins), 1 : steps + 1]
         # The spread of the filter is that of the mean of the draws; they differ in it by less than it is known.
         middle = {name: np.repeat(column.mean(), len(begins)) for name, column in values.items()}
         local = linear(simulator, middle, path.mean(0), tuple(column.mean(0) for column in held), ahead)
-        variance = variances(local, simulator, errors, ahead, track.cov.mean(1), steps)
+        variance = variances(local, simulator, rows, ahead, track.cov.mean(1), steps)
         beyond = ~inside[:, 1 : steps + 1, None]
         with np.errstate(over="ignore", invalid="ignore"):
             mean, sd = shown.mean(0), np.sqrt(variance + shown.var(0))
-        return Forecast(record, output.channels, begins, np.where(beyond, np.nan, mean), np.where(beyond, np.nan, sd))
+        channels = tuple(sensor.channel for sensor in simulator.sensors)
+        return Forecast(record, channels, begins, np.where(beyond, np.nan, mean), np.where(beyond, np.nan, sd))
 
     @property
     def initial_sd(self) -> Float[np.ndarray, " states"]:
@@ -199,9 +220,9 @@ def make_forecaster(
             known |= {sd(one): values.get(sd(one), 0.0) for one in pairs} | {
                 time(one): values.get(time(one), 1.0) for one in pairs
             }
-        return Forecaster(posterior, table, known, first_sd)
+        return Forecaster(posterior, table, (known,), first_sd)
     fitted = fit_errors(likelihood, values, posterior.data, horizon, initial_sd_of(likelihood, first_sd))
-    return Forecaster(posterior, table, known | fitted, first_sd)
+    return Forecaster(posterior, table, tuple(known | one for one in fitted), first_sd)
 
 
 def fit_errors(
@@ -210,8 +231,11 @@ def fit_errors(
     data: TrialData,
     horizon: float,
     initial_sd: Float[np.ndarray, " states"],
-) -> dict[str, float]:
+) -> list[dict[str, float]]:
     """Return size and memory of forces and of sensors' errors by which the fitted records are forecast with the highest density.
+
+    Two sets come from two searches, the better one first. Two more are for a run in which the model is wrong by much more than in the
+    fitted ones: sensor errors, or forces, that are larger and last longer.
 
     Half of that is the likelihood, which is that of one sample ahead; half is that of all leads up to the horizon, as they lie on a
     logarithmic axis. Of a force that is not quite of the kind assumed, the likelihood alone finds a memory that is far off over many
@@ -298,8 +322,37 @@ def fit_errors(
         ends.append(
             scipy.optimize.minimize(descent, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         )
-    best = min(ends, key=lambda one: one.fun)
-    return dict(zip(search, map(float, scale * np.exp(best.x)), strict=True))
+    ends.sort(key=lambda one: one.fun)
+    result = [dict(zip(search, map(float, scale * np.exp(one.x)), strict=True)) for one in ends]
+    wide_errors, wide_force = dict(result[0]), dict(result[0])
+    for channel in output.channels:
+        wide_errors[drift_name(channel)] = max(WIDE_ERROR * sizes[channel], result[0][drift_name(channel)])
+        wide_errors[drift_time_name(channel)] = max(LONG * horizon, result[0][drift_time_name(channel)])
+    for axis in axes:
+        wide_errors[disturbance_name(axis)] /= WIDE_FORCE
+        wide_force[disturbance_name(axis)] *= WIDE_FORCE
+        wide_force[disturbance_time_name(axis)] = max(LONG * horizon, result[0][disturbance_time_name(axis)])
+    return [*result, wide_errors, wide_force]
+
+
+def _weighed(each: Sequence[Forecast], steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation of several forecasts, weighed by the densities that they gave to what had been measured."""
+    begins, measured = each[0].begins, each[0].measured
+    means, sds = (np.stack([getattr(one, name) for one in each]) for name in ("mean", "sd"))
+    beyond = (begins[:, None] + np.arange(1, steps + 1) >= each[0].record.time.size)[..., None]
+    fit = (np.isfinite(means) & np.isfinite(sds)) | beyond
+    leads = 1.0 / np.arange(1, steps + 1)[:, None]
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        scores = leads * (-0.5 * ((measured - means) / sds) ** 2 - np.log(sds))
+    scores = np.where(np.isfinite(measured) & fit, scores, np.where(fit, 0.0, NO_DENSITY)).sum(2)
+    total = np.concatenate([np.zeros((len(each), 1, scores.shape[2])), np.cumsum(scores, 1)], 1)
+    known = total[:, np.searchsorted(begins, begins - steps, side="right")]
+    known = known + np.where(np.arange(len(each)) < 2, 0.0, RARE)[:, None, None] + np.where(fit.all(2), 0.0, NO_DENSITY)
+    weight = np.exp(known - known.max(0))[:, :, None]
+    weight = weight / weight.sum(0)
+    means, sds = np.where(fit, means, 0.0), np.where(fit, sds, 0.0)
+    mean = (weight * means).sum(0)
+    return mean, np.sqrt((weight * (sds**2 + (means - mean) ** 2)).sum(0))
 
 
 def initial_sd_of(likelihood: OutputError | FilterError, first_sd: Mapping[str, float]) -> Float[np.ndarray, " states"]:
