@@ -66,26 +66,12 @@ def compare(
     for done, each in enumerate(zip(own_posteriors, schedules, keys, strict=True), 1):
         run_schedule(*each, settings)
         progress(done, len(posteriors))
-    gains = evidence_gains(own_posteriors, modes, stated)
+    gains = log_evidence_gains(own_posteriors, modes, stated)
     evidences = with_gains([one.evidence() for one in schedules], gains)
     for index in blunt_deciders(structures, evidences, optional):
         if schedules[index].sharpen():
             run_schedule(own_posteriors[index], schedules[index], keys[index], settings)
     return select(structures, with_gains([one.evidence() for one in schedules], gains), optional)
-
-
-def evidence_gains(
-    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], stated: StatedErrors
-) -> list[float] | None:
-    """Return by how much each log evidence is larger with every error than within the model, nats; None where it is not known.
-
-    Args:
-        posteriors: of the same data.
-        modes: of each; None where none was found.
-        stated: standard deviations of what no residual shows.
-    """
-    known = [mode for mode in modes if mode is not None]
-    return log_evidence_gains(posteriors, known, stated) if len(known) == len(posteriors) else None
 
 
 def with_gains(evidences: Sequence[Evidence], gains: Sequence[float] | None) -> list[Evidence]:

@@ -339,7 +339,6 @@ def select(
             term: float(np.clip(p + shortlist.inclusion[term] - has[term] @ shortlist.probability, 0.0, 1.0))
             for term, p in inclusion.items()
         }
-    screened = {term for term in optional if shortlist and len(set(has[term])) == 1}
     doubts = [_doubt(evidence) for evidence in evidences]
     selection = Selection(
         tuple(structures),
@@ -354,12 +353,9 @@ def select(
         1.0 - share,
     )
     verdicts = [
-        f"{'every' if has[term][0] else 'no'} simulated structure has {term}: with the screening its probability is {inclusion[term]:.2f}"
-        if term in screened
-        else term_verdict(term, inclusion[term], inclusion_error[term], selection.reached(term))
-        for term in optional
+        term_verdict(term, inclusion[term], inclusion_error[term], selection.reached(term)) for term in optional
     ]
-    verdicts += pair_verdicts({term: member for term, member in has.items() if term not in screened}, probability)
+    verdicts += pair_verdicts(has, probability)
     if shortlist:
         verdicts.append(
             f"{len(structures)} structures were simulated; the others have a probability of {1.0 - share:.2f} by the screening, which "

@@ -22,9 +22,10 @@ from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
+from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.compare import evidence_gains, with_gains
+from seatrial.selection.compare import with_gains
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import (
     NESTED_RUNS,
@@ -136,7 +137,7 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
     gains = None
     if len(stored) > 1:
         posteriors = [study.posterior(one.structure) for one in stored]
-        gains = evidence_gains(
+        gains = log_evidence_gains(
             posteriors, [one.schedule.results["importance"].mode for one in stored], stated_errors(campaign.estimation)
         )
     pairs = [*zip(stored, gains or [0.0] * len(stored), strict=True)]

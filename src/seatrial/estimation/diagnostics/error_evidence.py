@@ -24,24 +24,25 @@ _LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 def log_evidence_gains(
-    posteriors: Sequence[Posterior], modes: Sequence[Mode], stated: StatedErrors = EXACT
+    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], stated: StatedErrors = EXACT
 ) -> list[float] | None:
     """Return by how much each log evidence is larger with every error than within the model, nats.
 
     Args:
         posteriors: of the same records.
-        modes: of each.
+        modes: of each; None where none was found.
         stated: standard deviations of what no residual shows.
 
     Returns:
-        None where a likelihood has process noise or is one's own, or a motion diverges.
+        None where a likelihood has process noise or is one's own, a mode is missing, or a motion diverges.
     """
-    if not all(isinstance(one.likelihood, OutputError) for one in posteriors):
+    known = [mode for mode in modes if mode is not None]
+    if len(known) < len(posteriors) or not all(isinstance(one.likelihood, OutputError) for one in posteriors):
         return None
     groups: dict[tuple[int, int], list[int]] = {}
     for i, one in enumerate(posteriors):
         groups.setdefault((id(one.likelihood), id(one.data)), []).append(i)
-    hosts = [_host([posteriors[i] for i in own], [modes[i] for i in own]) for own in groups.values()]
+    hosts = [_host([posteriors[i] for i in own], [known[i] for i in own]) for own in groups.values()]
     laid = [lay_out(posterior, mode.z, stated) for posterior, mode in hosts]
     if any(one is None for one in laid):
         return None
@@ -53,9 +54,9 @@ def log_evidence_gains(
             narrow = _narrowed(model, host, posteriors[i])
             totals[i] = np.logaddexp.reduce([one.log_density for one in narrow.average()])
             totals[i] += _constant(narrow, posteriors[i])
-    within = np.array([mode.log_evidence for mode in modes])
+    within = np.array([mode.log_evidence for mode in known])
     best = int(np.argmax(within))
-    at = lay_out(posteriors[best], modes[best].z, EXACT, among=())
+    at = lay_out(posteriors[best], known[best].z, EXACT, among=())
     assert at is not None, "the motion at the mode is finite"
     alone = LinearModel(posteriors[best], at)
     alone.channels = [(count, shapes[:1]) for count, shapes in alone.channels]  # the noise as it is modelled
