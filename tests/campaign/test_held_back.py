@@ -157,3 +157,15 @@ def test_what_the_campaign_has_is_not_said_to_be_missing(known):
         estimation=campaign.estimation.model_copy(update={"residuals": "coloured"}),
     )
     assert _setting(has).lacks["u"] == ("add-term", "filter-error")
+
+
+def test_a_model_that_leaves_its_course_is_reported_with_its_eigenvalue(known):
+    """Drag that drives: the run is lost, and neither a sensor nor a unit is blamed."""
+    campaign, trials, drawn = known
+    away = Known(campaign)
+    away.values = drawn.values * [-1.0, 1.0, 1.0]
+    fits = predict_held_back(campaign, away, replace(trials, predict=(run(known, "2", WAVE, 4),))).fits
+    assert fits[0].verdict.code == "course-left"
+    assert "a small error grows by e in" in fits[0].reason
+    assert "over 3 s" in fits[0].reason
+    assert "sensor fault" not in fits[0].reason

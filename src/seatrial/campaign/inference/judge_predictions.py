@@ -52,8 +52,6 @@ from seatrial.messages.render import sentence
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
-# Codes of findings that a model may earn by leaving its course.
-OF_UNSTABLE = ("prediction-diverges", "errors-beyond-stated", "band-too-narrow", "predicted-poorly", "fitted-poorly")
 CURVES = ("time", "measured", "mean", "motion_sd", "sd")  # What is kept of a prediction at each sample
 
 
@@ -335,11 +333,8 @@ def _fits(
     lost = [
         channel
         for channel, one in scores.items()
-        if (is_unstable and verdicts[channel].code in OF_UNSTABLE)
-        or (
-            held_back
-            and (one.missing == DIVERGES or (not one.missing and one.explained < POOR and one.noise_share < POOR))
-        )
+        if (held_back or is_unstable)
+        and (one.missing == DIVERGES or (not one.missing and one.explained < POOR and one.noise_share < POOR))
     ]
     horizon = min(1 / rate if is_unstable else HORIZON, MAX_RECORD_SHARE * duration)
     ahead = forecast(record, horizon) if lost else {}
