@@ -136,7 +136,7 @@ def test_a_run_beyond_the_fitted_range_is_named(known):
     found, _ = predicted(known, run(known, "2", 1.6 * WAVE, 5))
     assert found.fits[0].outside[0].startswith(("n up to ", "u up to "))
     assert " where the fit saw " in found.fits[0].reason
-    assert fit_complaints(found.fits, found.pooled)[-1].startswith("held-back run 2 goes beyond what was fitted: ")
+    assert str(fit_complaints(found.fits, found.pooled)[-1]).startswith("held-back run 2 goes beyond what was fitted: ")
 
 
 def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_mend_its_bands(known):
