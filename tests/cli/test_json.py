@@ -162,6 +162,7 @@ def test_every_command_of_a_campaign(ask, tmp_path):
         ("profile",),
         ("select",),
         ("criteria",),
+        ("crossvalidate",),
         ("tuning",),
         ("calibrate", "--replicates", "20"),
         ("next",),
@@ -173,4 +174,3 @@ def test_every_command_of_a_campaign(ask, tmp_path):
         document = ask(name, folder, *options, code=None)[0]
         assert document["error"] is None, words
         assert document["result"], words
-    ask("crossvalidate", folder, code=Exit.BAD_INPUT)
