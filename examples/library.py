@@ -30,6 +30,7 @@ def main() -> None:
         "sigma_u": st.LogUniform(0.002, 0.2),
     }
     posterior = st.make_posterior(full, first, priors, start=START)
+    print(st.error_budget(posterior, st.find_mode(posterior, 1), st.StatedErrors(inertia=0.02)))
     draws = st.sample(posterior, settings=st.ChainSettings(chains=16, warmup=400, draws=800))
     print(draws)
     explained = st.predict(posterior, draws, second, start=START).score("u").explained

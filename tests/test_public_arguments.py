@@ -33,6 +33,14 @@ def posterior(record):
     return st.make_posterior(MODEL, record, PRIORS, start={"u": 1.5})
 
 
+def test_errors_are_weighed_of_a_posterior_and_its_mode(posterior):
+    mode = st.find_mode(posterior, 1)
+    assert repr(st.error_budget(posterior, mode)).startswith("Standard deviations with all errors, SI")
+    refused(r"mode\n.*\n.*a Mode\n.*find_mode", st.error_budget, posterior, posterior)
+    refused(r"stated\n.*\n.*\n.*StatedErrors", st.error_budget, posterior, mode, 0.05)
+    refused(r"inertia of stated errors\n.*-0.1", st.StatedErrors, inertia=-0.1)
+
+
 def refused(message, function, *arguments, **named):
     """Check that a call is refused with all four parts, and that they say this."""
     with pytest.raises(st.InputError) as error:

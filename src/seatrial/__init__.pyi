@@ -33,6 +33,9 @@ from seatrial.design.relay_sweep import RelaySearch as RelaySearch
 from seatrial.design.trial_design import TrialDesign as TrialDesign
 from seatrial.design.trial_design import design_trial as design_trial
 from seatrial.design.trial_design import make_design_problem as make_design_problem
+from seatrial.estimation.diagnostics.error_budget import ErrorBudget as ErrorBudget
+from seatrial.estimation.diagnostics.error_budget import error_budget as error_budget
+from seatrial.estimation.diagnostics.error_sources import StatedErrors as StatedErrors
 from seatrial.estimation.posterior.mode import Mode as Mode
 from seatrial.estimation.posterior.mode import find_mode as find_mode
 from seatrial.estimation.posterior.posterior import Posterior as Posterior

@@ -153,7 +153,7 @@ def test_two_effects_that_are_missing_are_both_found():
     """Residuals of either axis are hardly worth a sample in fifty: what the first effect leaves must not hide the second."""
     posterior = two_axes_of(coupling=0.3, drag=3.0)
     mode = find_mode(posterior, 0)
-    omitted = error_budget(posterior, mode)
+    omitted = error_budget(posterior, mode, EXACT)
     assert {one.effect.of for one in omitted.omitted} == {"M_tau_X", "X_uabsu"}
     sizes = {one.effect.of: (one.size, one.sd) for one in omitted.omitted}
     assert abs(sizes["M_tau_X"][0] - 0.3) < 4 * sizes["M_tau_X"][1]
@@ -209,7 +209,7 @@ def test_a_loss_of_thrust_with_the_speed_is_found():
     """A propeller whose speed through the water falls by 6 % for each m/s: three coefficients are off by over 20 of their sds."""
     posterior = posterior_of(loss=0.06)
     mode = find_mode(posterior)
-    omitted = error_budget(posterior, mode)
+    omitted = error_budget(posterior, mode, EXACT)
     (found,) = omitted.omitted
     assert (found.effect.kind, found.alike) == ("thrust loss", ())
     assert abs(found.size - 0.06) < 3 * found.sd
@@ -222,7 +222,7 @@ def test_a_backlash_is_found_with_its_size():
     """The propeller stays where it is until its command has moved 8 rad/s away: T_nabsn is off by 30 of its sds."""
     posterior = posterior_of(slack=8.0)
     mode = find_mode(posterior)
-    budget = error_budget(posterior, mode)
+    budget = error_budget(posterior, mode, EXACT)
     (found,) = budget.omitted
     assert (found.effect.kind, found.effect.of) == ("backlash", "n")
     assert abs(found.size - 8.0) < 4 * found.sd < 2.0
@@ -249,7 +249,7 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
     """No lag has a first-order size: Newton's steps have to reach 0.8 s from none; the delay that looks alike loses."""
     posterior = posterior_of(lag=0.8)
     mode = find_mode(posterior, 0)
-    found = error_budget(posterior, mode)
+    found = error_budget(posterior, mode, EXACT)
     lag = found.omitted[0]
     assert (lag.effect.kind, lag.effect.of) == ("command lag", "n")
     assert abs(lag.size - 0.8) < 4 * lag.sd
@@ -267,7 +267,7 @@ def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     """A clock that is late by 0.8 s, and drag that is linear too: a lag does best alone, and nothing once the delay is found."""
     posterior = posterior_of(late=8, seed=seed, terms=("X_uabsu", "T_nabsn"))
     mode = find_mode(posterior, 0)
-    omitted = error_budget(posterior, mode)
+    omitted = error_budget(posterior, mode, EXACT)
     at = posterior.names.index("T_nabsn")
     assert 1.645 * omitted.ratio[at] > 0.9 * abs(mode.by_name["T_nabsn"] - TRUTH["T_nabsn"]) / mode.sd[at] > 5
     delay, *others = omitted.omitted
@@ -288,7 +288,7 @@ def test_a_cubic_drag_is_found(noise, cubic, seed):
     """A noise with a memory takes up what is missing: nothing is found, or a constant force, as long as it stays as it was fitted."""
     posterior = posterior_of(cubic=cubic, seed=seed, noise=noise)
     mode = find_mode(posterior, 0)
-    found = error_budget(posterior, mode)
+    found = error_budget(posterior, mode, EXACT)
     assert [one.effect.of for one in found.omitted] == ["X_u3"]
     assert abs(found.omitted[0].size + cubic) < 4 * found.omitted[0].sd
     at, wrong = posterior.names.index("X_uabsu"), away(posterior, mode)
@@ -345,7 +345,7 @@ def test_a_stated_inertia_is_in_every_force():
     posterior = posterior_of()
     mode = find_mode(posterior, 0)
     found = error_budget(posterior, mode, StatedErrors(inertia=0.05, scale=0.0, clock=0.0, force=0.0))
-    exact = error_budget(posterior, mode)
+    exact = error_budget(posterior, mode, EXACT)
     for name, least in (("T_nabsn", 0.8), ("X_uabsu", 0.05)):
         at = found.names.index(name)
         own = mode.sd[posterior.names.index(name)] / abs(mode.by_name[name])
@@ -390,7 +390,7 @@ def test_intervals_hold_where_runs_differ_or_noise_is_slow(differ, slow, narrow,
     for seed in range(40):
         posterior = runs_of(seed, differ=differ, slow=slow)
         mode = find_mode(posterior, 0, starts=64, tries=1)
-        found = error_budget(posterior, mode)
+        found = error_budget(posterior, mode, EXACT)
         off = np.array(list(away(posterior, mode).values())) / stats.norm.ppf(0.95)
         ratio = np.array([found.ratio[found.names.index(name)] for name in TRUTH])
         within.append(off < 1)

@@ -25,7 +25,7 @@ on y, K R K' is that of the noise, and (K G)_j^2 s_j^2 that of a source j.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +34,8 @@ from jaxtyping import Array, Float, Int
 from scipy.special import ndtr, ndtri
 
 from seatrial.compiled.programs import program
+from seatrial.core.argument_checks import check_kind
+from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.diagnostics.error_sources import (
     LAGS,
     Effect,
@@ -56,6 +58,9 @@ from seatrial.estimation.simulation.sensor_errors import (
     noise_name,
 )
 from seatrial.estimation.simulation.trial_data import FOREVER, ChannelData
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 NOTHING = 0.9  # Probability that none of the sources that are looked for is there
 SHARES = np.geomspace(0.003, 3.0, 7)  # Standard deviations of sizes that are found, shares of the force
@@ -123,6 +128,9 @@ class ErrorBudget:
         slow: channels whose residuals are slow although their noise is taken as white.
         farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
             prior alone.
+        values: at the mode, SI, shape (k,).
+        within: standard deviations of the normal approximation within the model, SI, shape (k,).
+        units: SI units.
     """
 
     names: tuple[str, ...]
@@ -134,6 +142,30 @@ class ErrorBudget:
     stated: Mapping[Effect, tuple[float, float]]
     slow: tuple[str, ...]
     farthest: Float[np.ndarray, " k"]
+    values: Float[np.ndarray, " k"]
+    within: Float[np.ndarray, " k"]
+    units: tuple[str, ...]
+
+    def summary(self) -> "DataFrame":
+        """Return a table with a row for each parameter, SI: value, standard deviation with all errors, shares of its variance, and the
+        source that adds most if that is not the noise."""
+        from pandas import DataFrame
+
+        columns: dict[str, Any] = {"unit": self.units, "value": self.values}
+        columns["sd"] = [self.sd(name, float(one)) for name, one in zip(self.names, self.within, strict=True)]
+        columns |= dict(zip(ORIGINS, self.shares, strict=True))
+        first = [self.cause(name)[:1] for name in self.names]
+        columns["cause"] = [f"{one[0].kind} {one[0].of}".rstrip() if one else "" for one in first]
+        return DataFrame(columns, index=list(self.names))
+
+    _heading = "Standard deviations with all errors, SI"
+
+    @property
+    def _remarks(self) -> list[str]:
+        return [] if self.tried else ["the noise alone: process noise stands for errors of the model"]
+
+    __repr__ = table_text
+    _repr_html_ = table_html
 
     def sd(self, name: str, within: float) -> float:
         """Return the standard deviation of a parameter with all errors, at most that of its prior about the value.
@@ -162,24 +194,31 @@ class ErrorBudget:
         return self.causes[at] if self.shares[0, at] < 0.5 else ()
 
 
-def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = EXACT) -> ErrorBudget:
+def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = StatedErrors()) -> ErrorBudget:
     """Return the standard deviations at the mode with all errors, and what they are made of.
 
     Args:
         posterior: of records; of a log density of one's own, and of one with process noise, the normal approximation is all there is.
         mode: of the posterior, all its parameters.
-        stated: standard deviations of what no residual shows; exact where not given.
+        stated: standard deviations of what no residual shows.
     """
+    check_kind(posterior, Posterior, "posterior", "make it with `make_posterior`")
+    check_kind(mode, Mode, "mode", "find it with `find_mode`")
+    check_kind(stated, StatedErrors, "stated", "make them with `StatedErrors`")
     shared = np.array([i for i in posterior.places if "[" not in posterior.names[i]], int)
     names = tuple(posterior.names[i] for i in shared)
     values = dict(zip(mode.names, mode.values, strict=True))
     priors = {one.name: one.prior for one in posterior.parameters}
     farthest = np.array([np.hypot(priors[one].sd, values[one] - priors[one].mean) for one in names])
+    sds, units = dict(zip(mode.names, mode.sd, strict=True)), {one.name: one.unit for one in posterior.parameters}
+    at_mode = (
+        *(np.array([one[name] for name in names]) for one in (values, sds)),
+        tuple(units[name] for name in names),
+    )
     if not isinstance(posterior.likelihood, OutputError):
         alone = np.array([[1.0], [0.0], [0.0], [0.0]])
-        return ErrorBudget(
-            names, np.ones(len(names)), np.repeat(alone, len(names), 1), ((),) * len(names), (), (), {}, (), farthest
-        )
+        shares = np.repeat(alone, len(names), 1)
+        return ErrorBudget(names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), farthest, *at_mode)
     model, members = follow_sources(posterior, mode, stated)
     sd = np.sqrt(np.diag(mode.cov))
     moving = {place: k for k, place in enumerate(model.moving)}
@@ -203,7 +242,8 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = EXACT)
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
     slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
-    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, model.after(members[0]), slow, farthest)
+    after = model.after(members[0])
+    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, after, slow, farthest, *at_mode)
 
 
 class Option(NamedTuple):

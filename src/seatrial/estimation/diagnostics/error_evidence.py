@@ -24,7 +24,7 @@ _LOG_TWO_PI = float(np.log(2.0 * np.pi))
 
 
 def log_evidence_gains(
-    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], stated: StatedErrors = EXACT
+    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], stated: StatedErrors = StatedErrors()
 ) -> list[float] | None:
     """Return by how much each log evidence is larger with every error than within the model, nats.
 

@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.compiled.programs import program
+from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.signals import (
     ACTUAL,
@@ -90,6 +91,11 @@ class StatedErrors:
     scale: float = 0.01
     clock: float = 0.5
     force: float = 0.07
+
+    def __post_init__(self) -> None:
+        """Refuse what is no standard deviation."""
+        for name, value in vars(self).items():
+            check_number(value, f"{name} of stated errors", least=0.0)
 
 
 @dataclass(frozen=True)
