@@ -36,7 +36,7 @@ ROADS = {
     "screening": ["make_posterior", "screen", "screen_about_mode"],
     "candidates": ["make_posterior", "screen", "screen_about_mode"],
     "estimates": ["make_posterior", "find_mode", "uncouple", "spread_starts", "error_budget", "diagnose"],
-    "selection": ["make_posterior", "run_task", "select", "find_mode", "predict"],
+    "selection": ["make_posterior", "run_task", "select"],
     "chosen": [],
     "full": [],
     "known": ["make_posterior", "identify"],
