@@ -144,7 +144,7 @@ def two_axes_of(coupling, drag=0.0, seed=2):
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     posterior = two_axes_of(coupling)
-    found = error_budget(posterior, find_mode(posterior, 0)).omitted
+    found = error_budget(posterior, find_mode(posterior, 0), EXACT).omitted
     assert [one.effect.of for one in found] == ["M_tau_X"] * (coupling > 0)
     assert all(abs(one.size - coupling) < 4 * one.sd for one in found)
 
@@ -184,7 +184,7 @@ def test_a_command_that_was_measured_while_it_changed_leads_by_half_a_step(is_li
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
     priors |= {"sigma_u": LogUniform(1e-5, 0.5), "u_0": Normal(1.5, 0.3)}
     posterior = make_posterior(whole_vehicle(FIXED_HULL, tuple(TRUTH), moves=("u",)), record, priors, ["u"])
-    found = error_budget(posterior, find_mode(posterior, 0)).omitted
+    found = error_budget(posterior, find_mode(posterior, 0), EXACT).omitted
     assert [one.effect.kind for one in found[:1]] == ["clock"] * is_line
     assert not is_line or abs(found[0].size - STEP / 2) < 4 * found[0].sd + 0.002
 
@@ -197,7 +197,7 @@ def away(posterior, mode):
 @pytest.mark.parametrize(("noise", "drift"), [("white", 0.0), pytest.param("drifting", 0.05, marks=pytest.mark.proof)])
 def test_nothing_is_found_where_nothing_is_missing(noise, drift):
     posterior = posterior_of(noise=noise, drift=drift)
-    found = error_budget(posterior, find_mode(posterior, 0))
+    found = error_budget(posterior, find_mode(posterior, 0), EXACT)
     assert found.omitted == ()
     assert len(found.tried) >= 5
     spread = dict(zip(found.names, found.ratio, strict=True))
@@ -406,4 +406,4 @@ def test_intervals_hold_where_runs_differ_or_noise_is_slow(differ, slow, narrow,
 @pytest.mark.proof
 def test_slow_residuals_under_white_noise_are_seen():
     posterior = runs_of(3, count=2, slow=0.05)
-    assert error_budget(posterior, find_mode(posterior, 0)).slow == ("u",)
+    assert error_budget(posterior, find_mode(posterior, 0), EXACT).slow == ("u",)
