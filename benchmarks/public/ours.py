@@ -111,7 +111,8 @@ class Ours:
             whole = predict(self.posterior, self.draws, record, start=start, first_sd=known_by, n=RUN_DRAWS, key=key)
             return Predicted(whole.mean, whole.sd)
         steps = max(end - begin for begin, end in stretches)
-        if steps > max(self._forecasters, default=0):
+        # Stretches of one horizon differ by some samples.
+        if steps > 1.5 * max(self._forecasters, default=0):
             horizon = steps * float(np.median(record.step))
             self._forecasters[steps] = make_forecaster(self.posterior, self.draws, horizon, known_by)
         ahead = self._forecasters[max(self._forecasters)].forecast(

@@ -63,7 +63,7 @@ MAX_ITERATIONS, DIFFERENCE = 40, 1e-4  # Steps of that search, and change of a l
 MAX_DRAWS = 40
 # Sets for runs in which the model is wrong by more: sensor errors over the size of the motion, forces over those found, and memory over the
 # horizon; and their log weight before anything was forecast.
-WIDE_ERROR, WIDE_FORCE, LONG, RARE = 0.2, 10.0, 5.0, -3.0
+WIDE_ERROR, WIDE_FORCE, LONG, RARE = 0.2, 10.0, 5.0, -10.0
 PAST = 6  # Forecasts before the first that is asked for, by which sets are weighed
 NO_DENSITY = -1e6  # Log density of what a forecast that is not finite gave
 
