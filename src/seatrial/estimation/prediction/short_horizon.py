@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Array, Complex, Float
 
+from seatrial.compiled.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
 from seatrial.estimation.prediction.forecast import Forecast, Forecaster
@@ -108,13 +109,9 @@ def steady_eigenvalues(
         if np.isfinite(record.channel(name)).any()
     }
     state = level_start(model, {**middle, "p": 0.0, "q": 0.0})
-    control = tuple(middle[name] for name in model.controls)
-
-    def rates(x: jax.Array) -> jax.Array:
-        return jnp.stack([jnp.asarray(one, float) for one in model.derivative(values, tuple(x), control)])
-
-    slopes = np.asarray(jax.jacfwd(rates)(jnp.asarray(state, float)))
-    result = {}
+    control = np.array([middle[name] for name in model.controls])
+    numbers = {name: np.asarray(value, float) for name, value in values.items()}
+    slopes, result = np.asarray(_rate_slopes(model, numbers, np.asarray(state, float), control)), {}
     for group in GROUPS:
         places = [model.states.index(name) for name in group if name in model.states]
         upright = len(places) == len(group) or not set(QUATERNION) & set(model.states)
@@ -122,6 +119,16 @@ def steady_eigenvalues(
             eigenvalues = np.linalg.eigvals(slopes[np.ix_(places, places)])
             result[tuple(model.states[i] for i in places)] = np.asarray(eigenvalues, complex)
     return result
+
+
+@program(static_argnums=0)
+def _rate_slopes(model: VehicleModel, values: Params, state: Array, control: Array) -> Array:
+    """Return the derivatives of the rates of all states by these states."""
+
+    def rates(x: Array) -> Array:
+        return jnp.stack([jnp.asarray(one, float) for one in model.derivative(values, tuple(x), tuple(control))])
+
+    return jax.jacfwd(rates)(state)
 
 
 def growth_rate(model: VehicleModel, values: Params, record: Record) -> float:
