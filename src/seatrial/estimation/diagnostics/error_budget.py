@@ -365,23 +365,23 @@ class LinearModel:
         among = np.concatenate([first, 1 + k + columns], 1)
         precision = np.concatenate([np.broadcast_to(self.curvature, (g, k)), spread], 1)
         mean = np.concatenate([np.broadcast_to(self.peak, (g, k)), centre], 1)
-        sums = [
-            np.stack([one.products[among[:, :, None], among[:, None, :]] for one in shapes])
-            for _, shapes in self.channels
-        ]
+        sums = [np.stack([one.products for one in shapes]) for _, shapes in self.channels]
         log_sds = [np.array([one.log_sd for one in shapes])[:, None] for _, shapes in self.channels]
         noise = [[*self.first] for _ in range(g)]
         result: list[tuple] = [()] * g
         last, left = np.full(g, -np.inf), np.arange(g)
         for _ in range(NOISE_ROUNDS):
+            here = among[left]
+            rows, columns_of = here[:, :, None], here[:, None, :]
             information = np.zeros((left.size, *among.shape[1:], *among.shape[1:]))
             for c, own in enumerate(sums):
                 shape, sd = (np.array([noise[i][c][part] for i in left]) for part in (0, 1))
-                information = information + own[shape.astype(int), left] / sd[:, None, None] ** 2
+                information += own[shape.astype(int)[:, None, None], rows, columns_of] / sd[:, None, None] ** 2
             values, log_volume, cov = _solve(information, precision[left], mean[left])
-            away, density, found = np.c_[np.ones(left.size), -values], np.zeros(left.size), []
+            away, density, found = np.zeros((left.size, sums[0].shape[1])), np.zeros(left.size), []
+            np.put_along_axis(away, here, np.c_[np.ones(left.size), -values], 1)
             for (count, _), own, log_sd in zip(self.channels, sums, log_sds, strict=True):
-                square = np.einsum("gi,sgij,gj->sg", away, own[:, left], away, optimize=True)
+                square = ((away @ own) * away).sum(2)  # of all columns: one product of matrices for each shape
                 sd = np.sqrt(np.maximum(square, TINY) / max(count, 1.0))
                 each = -log_sd - count * np.log(sd) - 0.5 * count
                 best = np.argmax(each, 0)
