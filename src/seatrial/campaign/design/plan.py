@@ -97,7 +97,7 @@ def goal_of(campaign: Campaign) -> Goal:
         )
     taken = {name: stated_share(campaign, model, name) for name in (*goal.shares, *goal.sds)}
     means = {name: abs(float(campaign.prior(name).mean)) for name in goal.sds}
-    sizes = goal.shares | {name: sd / means[name] for name, sd in goal.sds.items() if means[name]}
+    sizes = {**goal.shares} | {name: sd / means[name] for name, sd in goal.sds.items() if means[name]}
     for name, share in sizes.items():
         if taken[name] >= share:
             raise InputError(

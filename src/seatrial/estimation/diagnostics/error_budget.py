@@ -211,10 +211,8 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     priors = {one.name: one.prior for one in posterior.parameters}
     farthest = np.array([np.hypot(priors[one].sd, values[one] - priors[one].mean) for one in names])
     sds, units = dict(zip(mode.names, mode.sd, strict=True)), {one.name: one.unit for one in posterior.parameters}
-    at_mode = (
-        *(np.array([one[name] for name in names]) for one in (values, sds)),
-        tuple(units[name] for name in names),
-    )
+    value, within = (np.array([one[name] for name in names]) for one in (values, sds))
+    at_mode = value, within, tuple(units[name] for name in names)
     if not isinstance(posterior.likelihood, OutputError):
         alone = np.array([[1.0], [0.0], [0.0], [0.0]])
         shares = np.repeat(alone, len(names), 1)
