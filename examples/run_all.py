@@ -61,9 +61,8 @@ def six_degrees(name: str, maker: str) -> None:
     command = [sys.executable, "-m", "seatrial", "estimate", str(folder), "--by", "mode"]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     print(told, flush=True)
-    rows = (line.split() for line in told.splitlines() if " ± " in line)
-    # The last figure of a row with a model error is that error.
-    found = {row[0]: (row[1], row[row.index("±", 4) + 1] if "±" in row[4:] else row[3]) for row in rows if len(row) > 3}
+    rows = re.findall(r"^  (\S+) +(\S+) ± (\S+)", told, re.MULTILINE)
+    found = {coefficient: (mean, sd) for coefficient, mean, sd in rows}
     truth = runpy.run_path(str(EXAMPLES / name / maker))["TRUTH"]
     for coefficient, value in truth.items():
         mean, sd = map(float, found[coefficient])

@@ -51,6 +51,7 @@ FILES: dict[str, File] = {
             "mean": (SI, "posterior mean"),
             "sd": (SI, "standard deviation with all errors"),
             "draws_sd": (SI, "standard deviation of the draws"),
+            "origin": ("", "parts of the variance: noise, stated, runs, model"),
             "shares": ("1", "of the variance from noise, stated inputs, differences between runs, and the model"),
             "mode": (SI, "posterior mode"),
             "laplace_sd": (SI, "standard deviation of the normal about the mode"),
