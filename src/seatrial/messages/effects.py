@@ -164,11 +164,13 @@ ENTRIES = {
 }
 REMEDIES = {
     "weigh-vehicle": Remedy(
-        command="weigh the vehicle with the water in it, correct [vehicle], and state estimation.inertia_error",
+        command="weigh the vehicle with the water in it, correct [vehicle], and set estimation.inertia_error to the error of that, such as "
+        "0.01",
         python="weigh the vehicle with the water in it, correct its mass, and state `StatedErrors(inertia=...)`",
     ),
     "calibrate-sensor": Remedy(
-        command="compare the sensor with a known distance or another sensor, and state estimation.scale_error",
+        command="compare the sensor with a known distance or another sensor, and set estimation.scale_error to the error of that, such as "
+        "0.002",
         python="compare the sensor with a known distance or another sensor, and state `StatedErrors(scale=...)`",
     ),
     "add-force": Remedy(
@@ -237,11 +239,12 @@ def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
         "clock": f"time of commands {stated.clock:g} sample{'s' * (stated.clock > 1)}",
     }
     kinds = {one.kind for one in budget.stated}
-    inputs = listed([one for kind, one in words.items() if kind in kinds]) or "taken as exact"
-    forces = f"errors of the formulas of forces ({percent(stated.force)}); " if stated.force else ""
+    inputs = listed([one for kind, one in words.items() if kind in kinds])
+    parts = [f"errors of stated inputs ({inputs}); "] if inputs else []
+    parts += [f"errors of the formulas of forces ({percent(stated.force)}); "] if stated.force else []
     return (
-        f"± contains noise, also slow noise; stated inputs ({inputs}); {forces}differences between runs; and {len(budget.tried)} effects "
-        "that the model may lack. Other effects can move values further."
+        f"± contains noise, also slow noise; {''.join(parts)}differences between runs; and {len(budget.tried)} effects that the model may "
+        f"lack. {'' if inputs else 'Stated inputs are taken as exact. '}Other effects can move values further."
     )
 
 

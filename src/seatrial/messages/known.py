@@ -28,7 +28,9 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
         best, least = (", ".join(f"{name} {size}" for name, size in parts_of(known.directions[at])) for at in (0, -1))
         lines.append(f"the combination known best, one standard error of the data: {best}")
         lines.append(f"the combination known least: {least}")
-    return [f"  {line}" for line in (*lines, *verdict_of(known), *known.symmetry)]
+    # The verdict is about what the data separate: its numbers are those of the noise.
+    alone = "by noise alone: " if known.verdict and not before else ""
+    return [f"  {line}" for line in (*lines, *(alone + line for line in verdict_of(known)), *known.symmetry)]
 
 
 def verdict_of(known: Known) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ def stacking_weights(log_density: Float[np.ndarray, "runs models"]) -> Float[np.
     """Return the weights of the best mixture, which sum to 1.
 
     Args:
-        log_density: log p_k(y_r | y_-r) of each run by each model, nats.
+        log_density: log density of each run, given all others, by each model, nats.
     """
     runs, models = log_density.shape
     density = np.exp(log_density - log_density.max(1, keepdims=True))

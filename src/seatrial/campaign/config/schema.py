@@ -32,7 +32,8 @@ from seatrial.sampling.names import DEFAULT, SamplerName
 from seatrial.selection.rules import CompiledRules
 from seatrial.selection.structures import MAX_STRUCTURES, structure_rules
 
-StatedShare = Annotated[float, Field(gt=0.0, lt=10.0)] | Literal["exact"]
+StatedShare = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["exact"]
+StatedCount = Annotated[float, Field(gt=0.0, lt=100.0)] | Literal["exact"]
 Joules = Annotated[float, Unit("J", above=0.0, remedy='for example battery = "500 W h"')]
 MIN_KEPT_DRAWS = 20  # Draws that are kept of a chain: its first tenth is compared with its last half
 
@@ -206,7 +207,7 @@ class EstimationTable(Table):
     scale_error: StatedShare = Field(
         default=0.01, description='the same of the scale of each sensor of a velocity, as a share; or "exact"'
     )
-    clock_error: StatedShare = Field(
+    clock_error: StatedCount = Field(
         default=0.5,
         description='the same of the time between commands and motion, in intervals of the samples; or "exact"',
     )

@@ -73,7 +73,7 @@ def causes_of(budget: ErrorBudget, within: Mapping[str, float]) -> dict[str, str
         budget: of the errors.
         within: standard deviation of each parameter within the model.
     """
-    only = "; as far as its prior reaches: nothing narrows it"
+    only = "; the ± is as wide as the prior: nothing else limits it"
     causes = {name: effect_names(_plain(budget.cause(name)[:1])) for name in _uncertain(budget)}
     return {
         name: (cause or SLOW_RESIDUALS) + only * budget.is_prior(name, within[name]) for name, cause in causes.items()
