@@ -162,7 +162,11 @@ class ErrorBudget:
 
     @property
     def _remarks(self) -> list[str]:
-        return [] if self.tried else ["the noise alone: process noise stands for errors of the model"]
+        return (
+            []
+            if self.tried
+            else ["the noise alone: beside process noise, or about a bound of a prior, other errors are not weighed"]
+        )
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -213,15 +217,16 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     sds, units = dict(zip(mode.names, mode.sd, strict=True)), {one.name: one.unit for one in posterior.parameters}
     value, within = (np.array([one[name] for name in names]) for one in (values, sds))
     at_mode = value, within, tuple(units[name] for name in names)
+    shares = np.repeat(np.array([[1.0], [0.0], [0.0], [0.0]]), len(names), 1)
+    alone = ErrorBudget(names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), farthest, *at_mode)
     if not isinstance(posterior.likelihood, OutputError):
-        alone = np.array([[1.0], [0.0], [0.0], [0.0]])
-        shares = np.repeat(alone, len(names), 1)
-        return ErrorBudget(names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), farthest, *at_mode)
+        return alone
     model, members = follow_sources(posterior, mode, stated)
+    if not (members := [one for one in members if np.isfinite(one.log_density)]):
+        return alone  # a mode at the bound of a prior, about which nothing is normal
     sd = np.sqrt(np.diag(mode.cov))
     moving = {place: k for k, place in enumerate(model.moving)}
-    ratio, shares = np.ones(len(names)), np.zeros((4, len(names)))
-    shares[0] = 1.0
+    ratio, shares = np.ones(len(names)), shares.copy()
     weight = np.exp([one.log_density - members[0].log_density for one in members])
     members, weight = members[: (kept := int((weight > MIN_WEIGHT).sum()))], weight[:kept] / weight[:kept].sum()
     widened = model.with_force(stated.force, members)
