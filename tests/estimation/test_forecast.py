@@ -8,6 +8,7 @@ import scipy
 from seatrial.core.record import Channel, Provenance, make_record
 from seatrial.estimation.posterior.record_posterior import make_posterior
 from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
+from seatrial.estimation.prediction.linear_filter import errors_over, without_memory
 from seatrial.estimation.prediction.prediction import offsets_at_zero
 from seatrial.estimation.priors import LogUniform, Normal
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
@@ -111,3 +112,18 @@ def test_a_constant_force_that_may_be_zero_is_zero_on_another_day():
     assert moved["X_u"].mean() == pytest.approx(-1.0 - 0.03 / 0.04 * 0.1, abs=0.005)
     assert moved["N_0"].mean() == pytest.approx(0.5 - 0.01 / 0.04 * 0.1, abs=0.005)
     assert offsets_at_zero({"X_0": draws["X_0"] + 1.0})["X_0"].mean() == pytest.approx(1.1, abs=0.005)
+
+
+def test_errors_of_each_trial_fade_over_its_own_steps(surge):
+    """A shorter trial that is filled up with no time, beside one of other steps."""
+    simulator = without_memory(surge[3].likelihood.output.simulator)
+    rows = {name: np.array([value, 2.0 * value]) for name, value in ERRORS.items()}
+    steps = np.array([[0.5, 0.2], [0.5, 0.4], [0.0, 0.2]])
+    together = errors_over(simulator, rows, steps)
+    for place in range(2):
+        alone = errors_over(simulator, rows, steps[:, [place]])
+        for name in ("memory", "gained", "mean", "with_gained", "apart", "process"):
+            np.testing.assert_array_equal(getattr(together, name)[:, place], getattr(alone, name)[:, 0])
+    times = [ERRORS["disturbance_time_X"], ERRORS["drift_time_u"]]
+    np.testing.assert_allclose(together.memory[:, 1, 0], np.exp(-steps[:, 1:] / times), rtol=1e-12)
+    assert (together.gained[2, 0] == 0.0).all()

@@ -162,7 +162,7 @@ class Forecaster:
         simulator, values, data, control, starts = drawn
         rows = {name: np.array([value]) for name, value in errors.items()}
         motion = linear_motion(simulator, values, data, control, starts, rows, self.initial_sd)
-        over = errors_over(simulator, rows, data.step[0])
+        over = errors_over(simulator, rows, data.step[:1].T)
         track = follow(motion, over, shown_by(data), starts, self.initial_sd, begins)
         # Past the end no time passes.
         at = begins[:, None] + np.arange(bucket_length(steps) + 1)
@@ -294,7 +294,7 @@ def fit_errors(
     weights = 1.0 / np.arange(1, steps + 1)
 
     def cost(z: Float[np.ndarray, "rows d"]) -> Float[np.ndarray, " rows"]:
-        errors = errors_over(simulator, of_rows(z), data.step[0])
+        errors = errors_over(simulator, of_rows(z), data.step.T)
         track = follow(motion, errors, measured, starts, initial_sd, begins)
         far, total, belief = 0.0, 0.0, track
         for lead, weight in enumerate(weights):

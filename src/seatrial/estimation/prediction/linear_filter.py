@@ -144,7 +144,9 @@ def linear_motion(
         return motion
     one = {name: column[:1] for name, column in errors.items()}
     every = np.arange(data.step.shape[1])
-    track = follow(motion, errors_over(simulator, one, data.step[0]), shown_by(data), starts, initial_sd, every)
+    track = follow(
+        motion, errors_over(simulator, one, np.asarray(data.step).T), shown_by(data), starts, initial_sd, every
+    )
     unseen = [place for place in range(len(states)) if states[place] not in channels]
     about[:, :, unseen] = track.mean[:, :, 0, unseen].swapaxes(0, 1)
     return linear(simulator, values, about, control, data.step)
@@ -165,13 +167,15 @@ def linear(
     return Motion(*(np.asarray(x).swapaxes(0, 1)[: states.shape[1], :, None] for x in arrays))
 
 
-def errors_over(simulator: Simulator, errors: Mapping[str, np.ndarray], step: Float[np.ndarray, " samples"]) -> Errors:
+def errors_over(
+    simulator: Simulator, errors: Mapping[str, np.ndarray], step: Float[np.ndarray, "samples trials"]
+) -> Errors:
     """Return forces and errors over steps.
 
     Args:
         simulator: vehicle and sensors.
         errors: parameters by name, shape (rows,), SI.
-        step: s.
+        step: of each trial, s.
     """
     axes, channels = simulator.model.disturbance_axes, [sensor.channel for sensor in simulator.sensors]
     a = len(axes)
@@ -185,9 +189,9 @@ def errors_over(simulator: Simulator, errors: Mapping[str, np.ndarray], step: Fl
     steps, place = np.unique(step, return_inverse=True)
     over = over_step(spread, time, steps[:, None, None])
     memory, mean, gained, with_gained, apart = (
-        np.broadcast_to(np.asarray(one), (len(steps), *spread.shape))[place][:, None] for one in over
+        np.broadcast_to(np.asarray(one), (len(steps), *spread.shape))[place.reshape(step.shape)] for one in over
     )
-    process = stacked([process_name(state) for state in simulator.model.states]) * np.sqrt(step)[:, None, None, None]
+    process = stacked([process_name(state) for state in simulator.model.states]) * np.sqrt(step)[..., None, None]
     noise = stacked(list(map(noise_name, channels)))
     return Errors(memory, gained, mean[..., :a], with_gained[..., :a], apart[..., :a], process, noise, spread)
 
@@ -238,7 +242,7 @@ def follow(
 
     Args:
         motion: of trials, shapes (samples, trials, 1, ...).
-        errors: of rows of parameters, shapes (samples, 1, rows, ...).
+        errors: of rows of parameters, shapes (samples, trials, rows, ...).
         measured: NaN where nothing was.
         starts: mean of each trial's state at its first sample, SI.
         initial_sd: standard deviation of that, SI.
@@ -295,7 +299,7 @@ def variances(
     """
     belief, result = Belief(np.zeros(cov.shape[:-1]), cov), []
     for lead in range(steps):
-        over = errors_over(simulator, errors, ahead[:, lead])
+        over = errors_over(simulator, errors, ahead[:, lead, None])
         over = over.at((slice(None), 0))
         belief = predicted(belief, motion.at(lead), over)
         result.append(observed(belief, motion.at(lead + 1), over)[1][:, 0])
