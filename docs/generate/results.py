@@ -136,7 +136,7 @@ PLAIN = """## Text files
 | `known/LABEL-left-out.json` | run | what the structure may leave out, and what that would do to its coefficients |
 | `selection.json` | select | evidence, error and probability of each structure, inclusion of each term, verdicts |
 | `contenders.json` | select, run | the best structure beside the runner-up: their motions, and what each design would tell |
-| `criteria/LABEL.json`, `criteria/LABEL-future.json` | criteria | information criteria of a structure, and its leave-future-out |
+| `criteria/LABEL.json` | criteria | information criteria of a structure |
 | `cross_validation.json` | crossvalidate | how each structure and model of the error predicts runs left out |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
 | `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `priors_from` |

@@ -58,7 +58,7 @@ ROADS = {
     "sensors": ["design_trial", "SensorSearch"],
     "rehearsal": ["simulate_trial", "replicate", "find_mode"],
     "profiles": ["profile_likelihood"],
-    "criteria": ["aic", "bic", "psis_loo", "waic", "leave_future_out"],
+    "criteria": ["aic", "bic", "psis_loo", "waic"],
     "cross_validation": ["make_posterior", "find_mode", "leave_one_run_out"],
     "calibration": ["find_method", "replicate", "ranks_of"],
 }

@@ -10,7 +10,6 @@ MISTAKES = {
     "an unknown way": (["estimate", "--by", "magic"], ["magic", "equation-error"]),
     "a window for nothing": (["estimate", "--window", "2 s"], ["--window", "--by chains", "leave --window out"]),
     "a window without unit": (["estimate", "--by", "equation-error", "--window", "2"], ["--window", "remedy"]),
-    "a block that is no time": (["criteria", "--block", "2 m"], ["--block", "remedy"]),
 }
 
 

@@ -76,7 +76,6 @@ def test_a_report_says_what_a_run_has_said_but_not_the_other_way_round(told):
 def test_other_options_are_another_question(told):
     lines = "running._worked = lambda *_: running.Exit(4)\nprint(json.dumps([said(*words) for words in {}]))"
     words = [
-        ["criteria", str(told), "--block", "2 s"],
         ["design", str(told), "--trials", "2"],
         ["prior", str(told), "-q"],
     ]
@@ -85,7 +84,7 @@ def test_other_options_are_another_question(told):
         ["next", str(told), "--run"],
         ["estimate", str(told), "--by", "mode"],
     ]
-    assert [code for code, *_ in fresh(lines.format(words))] == [4, 4, Exit.ALARMS, 4, 4, 4]
+    assert [code for code, *_ in fresh(lines.format(words))] == [4, Exit.ALARMS, 4, 4, 4]
 
 
 def test_an_edited_campaign_is_looked_at_anew(told):

@@ -14,8 +14,7 @@ from seatrial.selection.structures import Structure
 
 # Difference below which its error is itself unreliable: 4 nats (Sivula, Magnusson and Vehtari 2020).
 SMALL_DIFFERENCE = 8.0
-FUTURE = "leave-future-out"
-METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO", FUTURE)
+METHODS = ("DIC", "BPIC", "AIC", "BIC", "WAIC", "PSIS-LOO")
 
 
 class MonteCarloValue(NamedTuple):
@@ -42,13 +41,13 @@ class PredictiveCriterion:
         method: which criterion.
         value: the criterion with its Monte Carlo error.
         std_error: its standard error over the measurements, as if they were a sample of possible ones.
-        effective: number of parameters, an effective one for WAIC and PSIS-LOO; NaN for leave-future-out, which needs none.
-        pointwise: contribution of each measurement, or of each block for leave-future-out, shape (n,).
+        effective: number of parameters, an effective one for WAIC and PSIS-LOO.
+        pointwise: contribution of each measurement, shape (n,).
         k_hat: tail index of the importance weights of each, shape (n,); empty where there are none.
         status: empty if healthy, else what is wrong in words.
     """
 
-    method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC", "leave-future-out"]
+    method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC"]
     value: MonteCarloValue
     std_error: float
     effective: float
@@ -71,19 +70,19 @@ class Criteria:
 
     Attributes:
         structure: which terms.
-        deviance: DIC and BPIC with what they are made of; None where they were not asked for.
-        predictive: AIC, BIC, WAIC, PSIS-LOO and leave-future-out by name, as far as they exist.
+        deviance: DIC and BPIC with what they are made of.
+        predictive: AIC, BIC, WAIC and PSIS-LOO by name, as far as they exist.
         refused: why others do not exist, in words.
     """
 
     structure: Structure
-    deviance: DevianceCriteria | None
+    deviance: DevianceCriteria
     predictive: dict[str, PredictiveCriterion]
     refused: tuple[str, ...] = ()
 
     def values(self) -> dict[str, tuple[MonteCarloValue, str]]:
         """Return each criterion with its Monte Carlo error, and what is wrong with it."""
-        deviance = {} if self.deviance is None else {"DIC": (self.deviance.dic, ""), "BPIC": (self.deviance.bpic, "")}
+        deviance = {"DIC": (self.deviance.dic, ""), "BPIC": (self.deviance.bpic, "")}
         return deviance | {name: (one.value, one.status) for name, one in self.predictive.items()}
 
 

@@ -1,10 +1,9 @@
-"""Every information criterion of every candidate structure, and leave-future-out, kept on disk.
+"""Every information criterion of every candidate structure, kept on disk.
 
 Which to use when, and why DIC and BPIC decide so little: `docs/criteria.md`.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
-from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
+from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError
@@ -25,13 +23,9 @@ from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood, th
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.selection.criteria import aic, bic, deviance_criteria, maximise_likelihood, psis_loo, waic
 from seatrial.selection.criterion import Criteria, NestedPair
-from seatrial.selection.leave_future_out import block_edges, leave_future_out, past_of
 from seatrial.selection.savage_dickey import savage_dickey
-from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Selection
 
-# Share of the longest record that is never predicted, and number of blocks in the rest, where none are given.
-FIRST_SHARE, BLOCKS = 1 / 3, 20
 MOST = 2000  # Draws of which every measurement's density is taken
 
 
@@ -42,22 +36,8 @@ def stored_criteria(folder: Path, estimate: OfStructure) -> StoredResult[Criteri
     return StoredResult(path, key, Criteria, f"seatrial criteria {folder}")
 
 
-def stored_future(
-    campaign: Campaign, estimate: OfStructure, trials: HasKey, edges: np.ndarray
-) -> StoredResult[Criteria]:
-    """Return where the leave-future-out of a structure is kept, and what it depends on."""
-    key = key_of("future", estimate_key(campaign, estimate.structure, trials), edges.tolist())
-    path = Store(campaign.folder).future(estimate.structure.label)
-    return StoredResult(path, key, Criteria, f"seatrial criteria {campaign.folder}")
-
-
 def criteria_all(
-    campaign: Campaign,
-    estimates: Sequence[Estimate],
-    trials: Trials,
-    first: float | None = None,
-    block: float | None = None,
-    reporter: Reporter = SILENT,
+    campaign: Campaign, estimates: Sequence[Estimate], trials: Trials, reporter: Reporter = SILENT
 ) -> list[Criteria]:
     """Compute the criteria of every structure, side by side; current results are read.
 
@@ -65,59 +45,18 @@ def criteria_all(
         campaign: configuration.
         estimates: posterior of each structure.
         trials: records, of which the fitted ones are used.
-        first: length of the stretch that leave-future-out never predicts, s; None for a third of the longest record.
-        block: length of its blocks, s; None for a twentieth of the rest.
         reporter: receives what happens.
-
-    Raises:
-        InputError: lengths that leave fewer than two blocks.
     """
-    edges = future_edges(trials, first, block)
     tasks = []
     for estimate in estimates:
-        label = estimate.structure.label
-        titles = (f"criteria {label}", f"leave-future-out {label}")
-        done = (
-            stored_criteria(campaign.folder, estimate).is_current(),
-            stored_future(campaign, estimate, trials, edges).is_current(),
-        )
-        bars = [None if is_done else reporter.progress(title) for title, is_done in zip(titles, done, strict=True)]
-        tasks.append(partial(_both, campaign, estimate, trials, edges, *bars))
+        stored = stored_criteria(campaign.folder, estimate)
+        progress = no_progress if stored.is_current() else reporter.progress(f"criteria {estimate.structure.label}")
+        tasks.append(partial(stored.read_or_make, partial(_compute, campaign, estimate, trials, progress)))
     return run_side_by_side(tasks)
 
 
-def future_edges(trials: Trials, first: float | None = None, block: float | None = None) -> np.ndarray:
-    """Times that bound the blocks of leave-future-out, s.
-
-    Raises:
-        InputError: lengths that leave fewer than two blocks.
-    """
-    longest = max(float(record.time[-1] - record.time[0]) for record in trials.fit)
-    begin = FIRST_SHARE * longest if first is None else first
-    return block_edges(trials.fit, begin, (longest - begin) / BLOCKS if block is None else block)
-
-
-def _both(
-    campaign: Campaign,
-    estimate: Estimate,
-    trials: Trials,
-    edges: np.ndarray,
-    now: Progress | None,
-    later: Progress | None,
-) -> Criteria:
-    """Criteria of one structure: computed where a bar is given, and then read."""
-    now = now or no_progress
-    now(0, 1)
-    present = stored_criteria(campaign.folder, estimate).read_or_make(lambda: _compute(campaign, estimate, trials))
-    now(1, 1)
-    future = stored_future(campaign, estimate, trials, edges).read_or_make(
-        lambda: _predict(campaign, estimate.structure, trials, edges, later or no_progress)
-    )
-    predictive = {**present.predictive, **future.predictive}
-    return replace(present, predictive=predictive, refused=(*present.refused, *future.refused))
-
-
-def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Criteria:
+def _compute(campaign: Campaign, estimate: Estimate, trials: Trials, progress: Progress) -> Criteria:
+    progress(0, 1)
     posterior = build_posterior(campaign, estimate.structure, trials.fit)
     draws = thin_draws(estimate.data["draws"].values, MOST)
     refused, computed = (), []
@@ -132,29 +71,8 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials) -> Criteria
         needs = "AIC, BIC, WAIC and PSIS-LOO need the density of each measurement by itself"
         refused = (f"{needs}, but found {error.found}",)
     deviance = deviance_criteria(posterior, draws)
+    progress(1, 1)
     return Criteria(estimate.structure, deviance, {one.method: one for one in computed}, refused)
-
-
-def _predict(
-    campaign: Campaign, structure: Structure, trials: Trials, edges: np.ndarray, progress: Progress
-) -> Criteria:
-    """Leave-future-out of one structure; where it cannot be had, the reason."""
-    past = past_of(partial(build_posterior, campaign, structure), trials.fit)
-    blocks = edges.size - 1
-    progress(0, blocks)
-
-    def watched(time: float) -> Posterior:
-        progress(min(int(np.searchsorted(edges, time)), blocks - 1), blocks)
-        return past(time)
-
-    try:
-        future = leave_future_out(watched, edges, random_key(campaign.seed, f"future {structure.terms}"))
-        criteria = Criteria(structure, None, {future.criterion.method: future.criterion})
-    except (InputError, NumericalError) as error:
-        why = error.found if isinstance(error, InputError) else error
-        criteria = Criteria(structure, None, {}, (f"no leave-future-out of {structure.label}: {why}",))
-    progress(blocks, blocks)
-    return criteria
 
 
 def nested_pairs(

@@ -68,7 +68,6 @@ class Results:
     selection = Reader(Selection, lambda store: store.selection, "select")
     contenders = Reader(Contenders, lambda store: store.contenders, "select")
     criteria = Reader(Criteria, lambda store: store.criteria, "criteria")
-    future = Reader(Criteria, lambda store: store.future, "criteria")
     cross_validation = Reader(CrossValidation, lambda store: store.cross_validation, "crossvalidate")
     known = Reader(Known, lambda store: store.known, "estimate")
     profiles = Reader(Profiles, lambda store: store.profiles, "profile")

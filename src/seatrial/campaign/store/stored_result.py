@@ -80,7 +80,6 @@ class Store:
     known = LabelledFile("known/{}.json")  # what the data tell about each parameter of one structure
     profiles = LabelledFile("profiles/{}.json")  # profile likelihoods of one structure's parameters
     criteria = LabelledFile("criteria/{}.json")  # information criteria of one structure
-    future = LabelledFile("criteria/{}-future.json")  # leave-future-out of one structure
     cross_validation = ResultFile(
         "cross_validation.json"
     )  # how well each structure and model of the error predicts runs left out

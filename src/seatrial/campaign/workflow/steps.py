@@ -461,12 +461,7 @@ OTHER_STEPS = (
     Step("sensors", ("campaign", "reporter"), _sensors),
     Step("rehearsal", ("campaign", "vehicles", "reporter"), _rehearsal, "rehearsal.nc"),
     Step("profiles", ("campaign", "trials", "parameters", "reporter"), _profiles, "profiles/*.json"),
-    Step(
-        "criteria",
-        ("candidates", "estimates", "trials", "from_time", "block", "reporter"),
-        _criteria,
-        "criteria/*.json",
-    ),
+    Step("criteria", ("candidates", "estimates", "trials", "reporter"), _criteria, "criteria/*.json"),
     Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
     Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),
 )

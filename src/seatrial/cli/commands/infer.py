@@ -105,37 +105,17 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     with_campaign(folder, quiet, work, context)
 
 
-def criteria(
-    context: typer.Context,
-    folder: Folder,
-    first: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="Leave-future-out: length of the first stretch, never predicted; a third of the longest record if not given.",
-        ),
-    ] = None,
-    block: Annotated[
-        str | None,
-        typer.Option(
-            metavar="TIME",
-            help="Leave-future-out: length of each predicted block; a twentieth of the rest if not given.",
-        ),
-    ] = None,
-    quiet: Quiet = False,
-) -> None:
+def criteria(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Compare structures by AIC, BIC, WAIC and others."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.criteria import future_edges, nested_pairs
+        from seatrial.campaign.selection.criteria import nested_pairs
         from seatrial.campaign.selection.evidence import current_selection
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.messages.criteria import criteria_cautions, criteria_lines, pair_line
 
-        lengths = {"from_time": _seconds(first, "--first"), "block": _seconds(block, "--block")}
-        flow = Workflow(campaign, reporter, **lengths)
+        flow = Workflow(campaign, reporter)
         trials, campaign = flow.get("trials"), flow.get("candidates")
-        future_edges(trials, *lengths.values())
         estimates, result = flow.get("estimates"), flow.get("criteria")
         answer.say("\n".join(criteria_lines(result)))
         pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
