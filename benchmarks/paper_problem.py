@@ -16,8 +16,8 @@ from seatrial.sampling.run import ChainSettings
 from seatrial.sampling.sampler import SAMPLERS, sample
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from studies.remus100.reading import READINGS
 from studies.remus100.trial import STEP, paper_posterior, paper_trial
-from studies.remus100.vehicle_file import paper_reading
 
 
 class Problem(NamedTuple):
@@ -54,7 +54,7 @@ class Problem(NamedTuple):
 
 def paper_problem() -> Problem:
     """Fit 60 s of doublets at 0.01 s, reading A."""
-    reading = paper_reading("A")
+    reading = READINGS["A"]
     record = paper_trial(reading, None)
     posterior = paper_posterior(reading, [record], None)
     lower, upper = np.array([parameter.prior.bounds for parameter in posterior.parameters]).T.copy()

@@ -23,29 +23,25 @@ def paper(
     reading: Annotated[
         str, typer.Option(help="How the paper's unprinted units are read: A (rev/s) or B (rad/s).")
     ] = "A",
-    vehicle: Annotated[
-        Path | None, typer.Option(help="TOML file of another surge vehicle to make the same study of.")
-    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Smaller samples: a look in one to two minutes.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Reproduce, check and judge every table, figure and claim of the paper seatrial starts from."""
 
     def work(reporter: Any) -> Exit:
-        from studies.remus100.page import verdict_words, write_paper
+        from studies.remus100.page import write_paper
         from studies.remus100.registry import chosen_items
-        from studies.remus100.run import check_folder, choose_vehicle, run_paper
+        from studies.remus100.run import check_folder, choose_reading, run_paper
         from studies.remus100.study import FULL, QUICK
 
-        chosen = choose_vehicle(reading, vehicle)
-        items = chosen_items(only or [], chosen.is_paper)
+        chosen = choose_reading(reading)
+        items = chosen_items(only or [])
         place = folder or Path("-".join(["paper", chosen.name, *(["quick"] if quick else [])]))
         check_folder(place, chosen)
         study, judged = run_paper(place, chosen, QUICK if quick else FULL, items, reporter)
         width = max(len(item.key) for item in judged)
         for item in judged:
-            verdict = verdict_words(item.verdict, chosen)
-            typer.echo(f"{item.key:<{width}}  {verdict}" + (f", because {item.because}" if item.because else ""))
+            typer.echo(f"{item.key:<{width}}  {item.words}")
         if quick:
             typer.echo("smaller samples (--quick): Monte Carlo errors are several times those of the full study")
         typer.echo(f"report: {write_paper(study, judged)}")

@@ -5,9 +5,9 @@ import xarray as xr
 
 from seatrial.sampling.diagnostics import MAX_R_HAT
 from studies.remus100.chains import AFAR
+from studies.remus100.reading import NAMES
 from studies.remus100.study import Item, Number, Study, chain_settings
 from studies.remus100.trial import paper_posterior, paper_trial
-from studies.remus100.vehicle_file import NAMES
 
 TABLE_3 = {"X_u": (-1.44, 0.08), "X_uabsu": (-2.81, 0.04), "T_nabsn": (6.28, 0.10)}
 START = {"start": "posterior mode, others about it"}
@@ -35,9 +35,8 @@ def table_3(study: Study) -> Item:
         "Table III: estimates by adaptive Metropolis",
         "reproduced in shape" if near else "differs",
         f"the data's seed is not printed: the estimates lie within {z:.1f} standard deviations of the truth"
-        + (f", the printed ones within {_printed_z(study):.1f} of theirs" if study.reading.is_paper else "")
-        + f"; the standard deviations are {sds}"
-        + (", and no input that was tried gives the 0.10 printed for T" if study.reading.is_paper else ""),
+        f", the printed ones within {_printed_z(study):.1f} of theirs; the standard deviations are {sds}"
+        ", and no input that was tried gives the 0.10 printed for T",
         tuple(numbers),
         chain_settings(study) | START,
     )
@@ -160,7 +159,7 @@ def claim_near_normal(study: Study) -> Item:
         f"{kurtosis:.2f}",
         (
             Number("largest distance from the truth, standard deviations", None, worst),
-            *([Number("the same of the printed Table III", None, _printed_z(study))] if study.reading.is_paper else []),
+            Number("the same of the printed Table III", None, _printed_z(study)),
             Number("largest skewness", None, float(skew)),
             Number("largest excess kurtosis", None, float(kurtosis)),
         ),
@@ -199,7 +198,7 @@ def table_6(study: Study) -> Item:
             numbers.append(
                 Number(
                     f"{name} of {MODEL[part]}",
-                    study.reading.printed(printed),
+                    printed,
                     float(row["criterion_value"]),
                     float(row["criterion_error"]),
                 )
@@ -208,7 +207,7 @@ def table_6(study: Study) -> Item:
     printed_full, printed_reduced = CRITERIA.values()
     for name, delta in deltas.items():
         printed = printed_reduced[name] - printed_full[name] if name in printed_full else None
-        numbers.append(Number(f"{name} of M-1 less that of M-0", study.reading.printed(printed), *delta))
+        numbers.append(Number(f"{name} of M-1 less that of M-0", printed, *delta))
     healthy, tighter = max(float(study.part(part)["r_hat"].max()) for part in TABLE_6) < MAX_R_HAT, _tighter(study)
     ties = [name for name, (value, error) in deltas.items() if abs(value) < max(TIE, 2 * error)]
     return Item(
@@ -225,8 +224,7 @@ def table_6(study: Study) -> Item:
         + (f"{', '.join(ties)} tie" if ties else "no criterion ties")
         + " (M-1 less M-0: "
         + ", ".join(f"{name} {value:+.1f} ± {error:.1f}" for name, (value, error) in deltas.items())
-        + ")"
-        + ("; a model of four parameters cannot have 4.8 effective ones" if study.reading.is_paper else ""),
+        + "); a model of four parameters cannot have 4.8 effective ones",
         tuple(numbers),
         chain_settings(study),
     )
@@ -251,7 +249,7 @@ def claim_extra_term(study: Study) -> Item:
         "The standard error of the extra term is nearly a hundred times its value",
         "reproduced" if 30 < ratio < 300 else "differs",
         "" if 30 < ratio < 300 else f"it is {ratio:.0f} times",
-        (Number("standard deviation over true value", study.reading.printed(96.5), ratio),),
+        (Number("standard deviation over true value", 96.5, ratio),),
         chain_settings(study),
     )
 
@@ -308,7 +306,7 @@ def claim_criteria_insensitive(study: Study) -> Item:
         "reproduced in shape" if share < 0.01 else "differs",
         f"they change by {share:.4%}, but a percentage is the wrong measure: the level of both is arbitrary (it changes "
         "with the unit of u), and only differences compared with their errors have a meaning",
-        (Number("relative change of DIC", study.reading.printed(0.8 / 13940), share),),
+        (Number("relative change of DIC", 0.8 / 13940, share),),
         chain_settings(study),
     )
 
@@ -320,8 +318,8 @@ def _rows(study: Study, data: xr.Dataset, printed: dict[str, tuple[float, float]
         mean, sd = printed.get(name, (None, None))
         ess = float(one["ess"])
         rows += [
-            Number(f"{name}, mean", study.reading.printed(mean), float(one["mean"]), float(one["mcse"])),
-            Number(f"{name}, sd", study.reading.printed(sd), float(one["sd"]), float(one["sd"]) / np.sqrt(2 * ess)),
+            Number(f"{name}, mean", mean, float(one["mean"]), float(one["mcse"])),
+            Number(f"{name}, sd", sd, float(one["sd"]), float(one["sd"]) / np.sqrt(2 * ess)),
             Number(f"{name}, true value", None, float(one["truth"])),
         ]
     return rows
@@ -336,14 +334,12 @@ def _printed_z(study: Study) -> float:
 
 
 def _estimates(study: Study, data: xr.Dataset, part: str, name: str, printed: tuple[float, float]) -> list[Number]:
-    one = data.sel(parameter=study.reading.doubted if name == "X_du3" else name)
+    one = data.sel(parameter=name)
     return [
-        Number(
-            f"{name} {MODEL[part]}, mean", study.reading.printed(printed[0]), float(one["mean"]), float(one["mcse"])
-        ),
+        Number(f"{name} {MODEL[part]}, mean", printed[0], float(one["mean"]), float(one["mcse"])),
         Number(
             f"{name} {MODEL[part]}, sd",
-            study.reading.printed(printed[1]),
+            printed[1],
             float(one["sd"]),
             float(one["sd"] / np.sqrt(2 * one["ess"])),
         ),

@@ -64,7 +64,7 @@ def table_3_part(study: Study, sampler: ModuleType) -> xr.Dataset:
 def table_6_part(study: Study, full: bool) -> xr.Dataset:
     """M-0 under the uninformative prior, or M-1, on the trial of the smaller doubted term, with information criteria."""
     reading = study.reading
-    record = paper_trial(reading, reading.source.doubted.values[0])
+    record = paper_trial(reading, reading.doubted_values[0])
     posterior = paper_posterior(reading, [record], wide(reading) if full else None)
     sampled = _sample(study, posterior, adaptive_metropolis, f"Table VI, M-{0 if full else 1}")
     report = study.progress(f"information criteria of M-{0 if full else 1}")
@@ -229,7 +229,7 @@ def _summary(study: Study, posterior: Posterior, sampled: _Sampled) -> xr.Datase
     one = values[0]
     scores = [geweke_scores(one[:, i], variance_of_mean) for i in range(len(names))]
     every = max(1, values.shape[1] // KEPT_DRAWS)
-    true = {**reading.truth, reading.doubted: reading.source.doubted.values[0], "sigma_u": reading.sigma}
+    true = {**reading.truth, reading.doubted: reading.doubted_values[0], "sigma_u": reading.sigma}
     columns = {
         "mean": flat.mean(0),
         "sd": flat.std(0, ddof=1),

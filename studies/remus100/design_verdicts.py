@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from studies.remus100.designs import ACTIVE, NOISE_SEED, PERIODS
+from studies.remus100.reading import RPM
 from studies.remus100.study import Item, Number, Study
-from studies.remus100.vehicle_file import RPM
 
 WINDOWS = {name: f"sweep-{name}" for name in ACTIVE}
 
@@ -15,10 +15,7 @@ def figure_3(study: Study) -> Item:
     numbers = []
     for name, part in WINDOWS.items():
         gain, window = study.part(part)["gain"].values, f"{ACTIVE[name]:g} s window"
-        numbers += [
-            Number(f"{window}: ridge [s]", study.reading.printed(10.0) if p == 10 else None, p)
-            for p in ridges(gain[-1])
-        ]
+        numbers += [Number(f"{window}: ridge [s]", 10.0 if p == 10 else None, p) for p in ridges(gain[-1])]
         numbers += [
             Number(f"{window}: smallest gain [nat]", None, float(gain.min())),
             Number(f"{window}: gain of the largest amplitude, 10 s [nat]", None, float(gain[-1, _at(10.0)])),
@@ -130,7 +127,7 @@ def claim_ten_seconds(study: Study) -> Item:
         + f"; with 58 s, doublets of 29 s reduce the standard deviation of X_u to {longer:.2f}, those of 10 s "
         f"to {ten:.2f}",
         tuple(
-            Number(f"{ACTIVE[name]:g} s window: most informative period [s]", study.reading.printed(10.0), period)
+            Number(f"{ACTIVE[name]:g} s window: most informative period [s]", 10.0, period)
             for name, period in best.items()
         ),
         _settings(study),

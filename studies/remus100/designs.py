@@ -43,9 +43,9 @@ from studies.remus100.filters import (
     rates,
 )
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, plain_axes, rpm
+from studies.remus100.reading import NAMES, Reading
 from studies.remus100.study import Study
 from studies.remus100.trial import DURATION, STEP, doublets, simulated_speed, stamps
-from studies.remus100.vehicle_file import NAMES, Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +74,7 @@ DOUBLET = {"color": ORANGE, "linewidth": 1.1, "linestyle": (0, (4, 2))}
 def sweep_part(study: Study, window: str, method: Filter = SquareRootUnscentedKalmanFilter()) -> xr.Dataset:
     """Sweep of Figure 3 for one manoeuvre window; the time is of a second sweep, compiled beforehand."""
     reading, report = study.reading, study.progress(f"designs, {ACTIVE[window]:g} s window, {type(method).__name__}")
-    family = Family("n", reading.trim, duration=DURATION, active=ACTIVE[window], sample_time=STEP)
+    family = Family("n", reading.turns, duration=DURATION, active=ACTIVE[window], sample_time=STEP)
     report(0, 2)
     for done in (1, 2):
         begun = time.perf_counter()
@@ -129,7 +129,14 @@ def relay_part(study: Study) -> xr.Dataset:
     reading, space = study.reading, design_space(study.reading, rk4_step)
     speed, report = reading.hull.trim["u"], study.progress("self-oscillating tests")
     family = RelayFamily(
-        (("n", reading.trim),), "n", "u", speed, duration=DURATION, sample_time=STEP, start=1.0, active=ACTIVE["medium"]
+        (("n", reading.turns),),
+        "n",
+        "u",
+        speed,
+        duration=DURATION,
+        sample_time=STEP,
+        start=1.0,
+        active=ACTIVE["medium"],
     )
     report(0, 1)
     truth = true_state(reading)

@@ -10,9 +10,9 @@ from scipy import stats
 
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.vehicles.linearise import linearise
+from studies.remus100.reading import NAMES
 from studies.remus100.study import Item, Number, Study
 from studies.remus100.trial import STEP, doublets, paper_posterior, paper_trial
-from studies.remus100.vehicle_file import NAMES
 
 DRAWS_SEED = 6
 POINT = (1.2, 1.1)  # Surge speed and propeller speed, over trim, at which the vehicle's equations are compared
@@ -70,7 +70,7 @@ def equations_4(study: Study) -> Item:
 def _vehicle(study: Study) -> list[tuple[str, str, float, float]]:
     reading, model = study.reading, study.reading.model()
     x_u, x_uu, t_nn = (reading.truth[name] for name in NAMES)
-    u, n = POINT[0] * reading.hull.trim["u"], POINT[1] * reading.trim
+    u, n = POINT[0] * reading.hull.trim["u"], POINT[1] * reading.turns
     share = 1.0 - reading.hull.thrust_deduction
     force = x_u * u + x_uu * u * abs(u) + share * t_nn * n * abs(n)
     by_state, _ = linearise(model, reading.truth, (u,), (n,))

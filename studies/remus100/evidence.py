@@ -25,9 +25,9 @@ from studies.remus100.bridge import bridge_evidence
 from studies.remus100.nested import nested_evidence
 from studies.remus100.panels import COLUMN, PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.prior_monte_carlo import MIN_ESS, ListingOne, listing_one
+from studies.remus100.reading import Reading
 from studies.remus100.study import Item, Number, Study, Verdict, trial_settings
 from studies.remus100.trial import around, paper_posterior, paper_trial, wide
-from studies.remus100.vehicle_file import Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +117,7 @@ def odds_part(study: Study) -> xr.Dataset:
     Beyond the printed values the prior is that of the larger printed one scaled to hold the true value.
     """
     reading, seeds = study.reading, study.sizes.data_seeds
-    values = [*reading.source.doubted.values, *(factor * reading.source.doubted.values[1] for factor in LARGER)]
+    values = [*reading.doubted_values, *(factor * reading.doubted_values[1] for factor in LARGER)]
     report, rows, errors = study.progress("probability of M-0 over trials"), [], []
     key = study.random_key("odds")
     for done, (value, seed) in enumerate((value, seed) for value in values for seed in range(1, seeds + 1)):
@@ -144,7 +144,7 @@ def odds_part(study: Study) -> xr.Dataset:
 
 def doubted_value(reading: Reading, table: int) -> float:
     """True coefficient of the doubted term in Table IV or V."""
-    return reading.source.doubted.values[table - 4]
+    return reading.doubted_values[table - 4]
 
 
 def listing_1(study: Study) -> Item:
@@ -235,7 +235,7 @@ def odds(study: Study) -> Item:
     )
     decided = [f"{value:g}" for value, row in zip(values, p, strict=True) if row.mean() > 0.95]
     undecided = all(abs(row.mean() - 0.5) < UNDECIDED_MARGIN for row in p[:2])
-    printed = study.reading.is_paper and all(
+    printed = all(
         abs(row.mean() - value) < 3 * _spread(row) for row, value in zip(p[:2], PRINTED_M0.values(), strict=True)
     )
     return Item(
@@ -263,7 +263,7 @@ def draw_listing_1(study: Study) -> "Figure":
     figure, (row,) = panels(PAGE, [200], 2, left=112, top=8, between=16, share_x=False)
     for axes, table in zip(row, (4, 5), strict=True):
         _answers(axes, study, table)
-        value = study.reading.source.doubted.values[table - 4]
+        value = study.reading.doubted_values[table - 4]
         name_axes(axes, f"probability of M-0, true {symbol(study.reading.doubted)} = {plain(value)}")
     row[1].tick_params(labelleft=False)
     return figure
@@ -320,7 +320,7 @@ def _bridge(posterior: Posterior, key: jax.Array, draws: int) -> Evidence:
 
 def _table(study: Study, table: int) -> Item:
     reading, data, listing = study.reading, study.part(f"evidence-{table}"), study.part(f"listing-{table}")
-    printed = reading.printed(PRINTED_M0[table])
+    printed = PRINTED_M0[table]
     numbers = []
     for method in map(str, data["method"].values):
         one = data.sel({"method": method})
@@ -415,13 +415,12 @@ def _answers(axes: "Axes", study: Study, table: int) -> None:
                     color=INK,
                 )
         ticks.append((y + 0.45, f"Listing 1, {p.size} seeds,\n{title}"))
-    printed = study.reading.printed(PRINTED_PROBABILITIES[table])
-    if printed is not None:
-        y -= 1
-        axes.plot(printed, y, marker="D", markersize=5, color=INK, linestyle="none", label="printed")
-        ticks.append((y, "as printed"))
+    printed = PRINTED_PROBABILITIES[table]
+    y -= 1
+    axes.plot(printed, y, marker="D", markersize=5, color=INK, linestyle="none", label="printed")
+    ticks.append((y, "as printed"))
     for row, method in enumerate(map(str, evidence["method"].values)):
-        p, error = _probability(evidence["log_value"].values[row], evidence["error"].values[row])
+        p, error = probability(evidence["log_value"].values[row], evidence["error"].values[row])
         y -= 1
         axes.errorbar(
             p, y, xerr=[[min(error, p)], [min(error, 1 - p)]], color=BLUE, marker="o", markersize=4, label=method
@@ -430,9 +429,3 @@ def _answers(axes: "Axes", study: Study, table: int) -> None:
     axes.set(xlim=(-0.02, 1.02), ylim=(y - 0.7, 0))
     axes.set_yticks([at for at, _ in ticks], [text for _, text in ticks])
     axes.grid(False, axis="y")
-
-
-def _probability(log_value: np.ndarray, error: np.ndarray) -> tuple[float, float]:
-    """Return the probability of M-0 with its Monte Carlo error, from the log evidences of M-0 and M-1."""
-    p = float(1 / (1 + np.exp(log_value[1] - log_value[0])))
-    return p, float(p * (1 - p) * np.hypot(*error))

@@ -18,12 +18,12 @@ from studies.remus100.filters import (
 )
 from studies.remus100.iteration import draw_iteration
 from studies.remus100.model_graph import draw_figure_5
+from studies.remus100.reading import RPM
 from studies.remus100.study import Study
 from studies.remus100.trial import DURATION
 from studies.remus100.trial import PERIOD as DOUBLET
 from studies.remus100.tuning import draw_tuning
 from studies.remus100.vehicle import CHANGE, draw_vehicle
-from studies.remus100.vehicle_file import RPM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,13 +137,13 @@ def _chain(study: Study) -> str:
 
 
 def _listing_1(study: Study) -> str:
-    printed = " then the number that the paper prints," if study.reading.is_paper else ""
     methods = study.part("evidence-4").sizes["method"]
     return (
         "The same question answered many times. Histograms: Listing 1 over seeds, its draws independent for each model or "
         f"shared by both ({study.sizes.listing_draws} each); the percentages are of the seeds that gave less than 0.05 or more "
-        f"than 0.95. A method that works gives one answer whatever its seed. Below:{printed} and {methods} methods that share no "
-        "code, with bars of one Monte Carlo error. Left the smaller true coefficient (Table IV), right the larger (Table V)."
+        "than 0.95. A method that works gives one answer whatever its seed. Below: the number that the paper prints, then "
+        f"{methods} methods that share no code, with bars of one Monte Carlo error. Left the smaller true coefficient (Table IV), "
+        "right the larger (Table V)."
     )
 
 

@@ -40,8 +40,8 @@ from seatrial.report.figures.style import (
 from seatrial.vehicles.discretise import discretise
 from seatrial.vehicles.simulate import simulate
 from studies.remus100.panels import PAGE, TEXT, key, logarithmic, name_axes, panels, plain_axes, rpm, with_unit
+from studies.remus100.reading import NAMES, Reading
 from studies.remus100.study import Study
-from studies.remus100.vehicle_file import NAMES, Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,7 +122,7 @@ def make_trials(reading: Reading, seeds: int) -> FilterTrials:
     span = N_STEPS * STEP
     control, noise = [], []
     for seed in range(FIRST_SEED, FIRST_SEED + seeds):
-        family = Family("n", reading.trim, span, span, STEP, start=0.0, kind="random-steps", seed=seed)
+        family = Family("n", reading.turns, span, span, STEP, start=0.0, kind="random-steps", seed=seed)
         control.append(np.asarray(family.signal(reading.steps, HOLD, stamps))[:, None])
         noise.append(reading.filter_noise * np.random.default_rng([seed, 1]).normal(size=(N_STEPS, 2)))
     held, truth = np.stack(control), reading.truth

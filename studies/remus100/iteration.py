@@ -33,6 +33,7 @@ from studies.remus100.designs import ACTIVE, PERIODS, POINTS, design_space, true
 from studies.remus100.filters import FIRST_SEED, filter_space, in_printed_units, make_trials, run_over_seeds
 from studies.remus100.fisher import fisher_information
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
+from studies.remus100.reading import NAMES, READINGS, Reading
 from studies.remus100.study import Item, Number, Study
 from studies.remus100.trial import (
     DURATION,
@@ -44,7 +45,6 @@ from studies.remus100.trial import (
     stamps,
     wide,
 )
-from studies.remus100.vehicle_file import NAMES, READINGS, Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ FIRST = {"color": INK, "linewidth": 1.0, "linestyle": (0, (4, 2))}
 def iteration_part(study: Study) -> xr.Dataset:
     """Predicted gain of each second trial, and what the fits say before and after the best of them."""
     reading, report = study.reading, study.progress("iteration")
-    value, model = reading.source.doubted.values[0], reading.model(reading.doubted)
+    value, model = reading.doubted_values[0], reading.model(reading.doubted)
     truth = {**reading.truth, reading.doubted: value}
     relay = study.part("relay")
     first = doublets(reading)
@@ -173,7 +173,7 @@ def iteration(study: Study) -> Item:
         f"({best}) brings them to {sds[FITS[2]]:.2f} and {p[FITS[2]][0]:.3f}, the first trial repeated only to "
         f"{sds[FITS[1]]:.2f} and {p[FITS[1]][0]:.2f}",
         tuple(numbers),
-        {"reading": study.reading.name, "data_seeds": [1, 2], doubted: study.reading.source.doubted.values[0]},
+        {"reading": study.reading.name, "data_seeds": [1, 2], doubted: study.reading.doubted_values[0]},
     )
 
 
@@ -249,7 +249,7 @@ def _sds(information: np.ndarray) -> np.ndarray:
 def _numbers(study: Study, reading: Reading) -> xr.Dataset:
     trials = make_trials(reading, study.sizes.tuning_seeds)
     trace = run_over_seeds(SquareRootUnscentedKalmanFilter(), filter_space(reading), trials)
-    family = Family("n", reading.trim, duration=DURATION, active=ACTIVE["medium"], sample_time=STEP)
+    family = Family("n", reading.turns, duration=DURATION, active=ACTIVE["medium"], sample_time=STEP)
     sweep = sweep_family(
         design_space(reading, euler_step),
         family,
@@ -259,10 +259,10 @@ def _numbers(study: Study, reading: Reading) -> xr.Dataset:
     )
     scale = np.array([reading.print_scales[name] for name in NAMES])
     fitted = find_mode(paper_posterior(reading, [paper_trial(reading, None)], None), study.random_key("readings")).sd
-    small = paper_trial(reading, reading.source.doubted.values[0])
+    small = paper_trial(reading, reading.doubted_values[0])
     full = find_mode(paper_posterior(reading, [small], wide(reading)), study.random_key("readings")).sd
     probability, logs = [], []
-    for value in reading.source.doubted.values:
+    for value in reading.doubted_values:
         record = paper_trial(reading, value)
         pair = [
             importance_evidence(
@@ -284,7 +284,7 @@ def _numbers(study: Study, reading: Reading) -> xr.Dataset:
             "probability": ("value", probability),
             "log_value": (("value", "model"), logs),
         },
-        {"value": list(reading.source.doubted.values)},
+        {"value": list(reading.doubted_values)},
     )
 
 

@@ -22,11 +22,11 @@ from studies.remus100.designs import INITIAL_VARIANCE as DESIGN_VARIANCE
 from studies.remus100.figures import FIGURES, chosen_figures
 from studies.remus100.filters import BOUND_SHARE, HOLD, INITIAL_VARIANCE, N_STEPS, STEP
 from studies.remus100.panels import COLUMN, printed_unit
-from studies.remus100.registry import ENTRIES, chosen_items
+from studies.remus100.reading import NAMES, RPM, Reading
+from studies.remus100.registry import ENTRIES
 from studies.remus100.run import FILE_NAME
 from studies.remus100.study import FULL, Item, Number, Study, Verdict
 from studies.remus100.trial import ACTIVE, DURATION, PERIOD, N
-from studies.remus100.vehicle_file import NAMES, RPM, Reading
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,13 +37,6 @@ LOOKS: dict[Verdict, str] = {
     "reproduced in shape": "shape",
     "differs": "differs",
     "cannot hold": "cannot",
-}
-# Verdicts in the words for a vehicle that is not the paper's: nothing of it is printed to be reproduced.
-ELSEWHERE: dict[Verdict, str] = {
-    "reproduced": "holds",
-    "reproduced in shape": "holds in shape",
-    "differs": "does not hold",
-    "cannot hold": "cannot hold",
 }
 UNITS = {"s": "s", "rpm": "rpm"}  # Units at the end of a setting's name
 DIGITS, PRINTED_DIGITS = 4, 6
@@ -88,7 +81,7 @@ def card(item: Item, reading: Reading) -> dict[str, Any]:
     return {
         "key": item.key,
         "title": name_html(typeset(item.title), labels),
-        "verdict": verdict_words(item.verdict, reading),
+        "verdict": item.verdict,
         "look": LOOKS[item.verdict],
         "because": sentence_html(item.because, labels) if item.because else Markup(""),
         "short": sentence_html(item.because.split("; ")[0], labels) if item.because else Markup(""),
@@ -104,11 +97,6 @@ def card(item: Item, reading: Reading) -> dict[str, Any]:
     }
 
 
-def verdict_words(verdict: Verdict, reading: Reading) -> str:
-    """Verdict in the words that fit the vehicle."""
-    return verdict if reading.is_paper else ELSEWHERE[verdict]
-
-
 def labels_of(reading: Reading) -> dict[str, str]:
     """Return the LaTeX label of every name that items speak of."""
     labels = {name: CoefficientName.parse(name).label for name in (*NAMES, reading.doubted, "X_udot")}
@@ -121,9 +109,9 @@ def settings_rows(reading: Reading) -> list[tuple[str, Markup]]:
     rule, doubted = UnscentedRule(), reading.doubted
     low, high = (plain(bound / RPM) for bound in (reading.lowest, reading.highest))
     share = f"{100 * BOUND_SHARE:g}%"
-    small, large = map(plain, reading.source.doubted.values)
+    small, large = map(plain, reading.doubted_values)
     rows = {
-        "Units of T and n": f"T is printed in {printed_unit(reading, 'T_nabsn')}; trim is at {plain(reading.trim / RPM)} rpm and "
+        "Units of T and n": f"T is printed in {printed_unit(reading, 'T_nabsn')}; trim is at {plain(reading.turns / RPM)} rpm and "
         f"{plain(reading.hull.trim['u'])} m/s",
         "Inertia": f"m - X_udot = {plain(reading.inertia)} kg, thrust deduction {plain(reading.hull.thrust_deduction)}",
         "Input of Figures 1 and 2": f"random steps of up to +-{plain(reading.steps / RPM)} rpm about trim, each held for "
@@ -142,7 +130,7 @@ def settings_rows(reading: Reading) -> list[tuple[str, Markup]]:
         f"{plain(DURATION)} s, noise of seed 1",
         "Priors": "uniform about half the true value, 200% of it to either side; sigma_u from 0 to twice the true one",
         "Prior of the doubted term": f"in Tables IV and V as the others, with {doubted} = {small} and {large}; in Table VI, where it is "
-        f"called uninformative, within +-{plain(reading.source.doubted.wide)} [SI]",
+        f"called uninformative, within +-{plain(reading.wide)} [SI]",
         "Geweke's score": "with the variance of the mean of each segment; with that of the draws, as printed, it could hardly fail",
         "Columns BF of Tables IV and V": "posterior probabilities at equal prior ones; M-0 is the model with the doubted term, M-1 "
         "the one without",
@@ -197,7 +185,7 @@ def _value(value: Any) -> str:
 
 
 def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
-    sizes, possible = study.sizes, len(chosen_items([], study.reading.is_paper))
+    sizes, possible = study.sizes, len(ENTRIES)
     cards = [card(item, study.reading) | {"drawings": drawings.get(item.key, [])} for item in items]
     sections = {anchor: [one for one in cards if _section(one["key"]) == anchor] for anchor, _ in SECTIONS.values()}
     titles = {anchor: title for anchor, title in SECTIONS.values() if sections[anchor]}
@@ -214,8 +202,7 @@ def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
         cards=cards,
         sections=sections,
         study={
-            "vehicle": typeset(study.reading.source.name),
-            "is_paper": study.reading.is_paper,
+            "vehicle": typeset(study.reading.title),
             "reading": study.reading.name,
             "seed": study.seed,
             "share": f"All {possible} items" if len(items) == possible else f"{len(items)} of {possible} items",
@@ -223,7 +210,7 @@ def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
             f"seeds of {sizes.listing_draws} draws, filters over {sizes.filter_seeds} trials",
             "is_full": sizes == FULL,
             "counts": [
-                {"words": verdict_words(verdict, study.reading), "look": look, "count": counted[verdict]}
+                {"words": verdict, "look": look, "count": counted[verdict]}
                 for verdict, look in LOOKS.items()
                 if counted[verdict]
             ],

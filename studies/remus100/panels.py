@@ -9,8 +9,8 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.report.figures.style import INK, POINT, style_axes
 from seatrial.report.labels import label_mathtext
-from seatrial.report.numbers import short, times_ten, unit_text
-from studies.remus100.vehicle_file import RPM, Reading
+from seatrial.report.numbers import times_ten, unit_text
+from studies.remus100.reading import RPM, Reading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,11 +120,8 @@ def printed_unit(reading: Reading, name: str) -> str:
         return "m/s"
     if name != "T_nabsn":
         return unit_text(CoefficientName.parse(name).unit)
-    written = reading.source.units.printed_thrust or f"{reading.thrust_print!r} {CoefficientName.parse(name).unit}"
-    number, _, unit = str(written).strip().partition(" ")
-    exponent = log10(float(number))
-    factor = times_ten(round(exponent)).removeprefix(" × ") if abs(exponent % 1) < 1e-9 else short(float(number))
-    return f"{factor} {unit_text(unit)}".strip()
+    number, _, unit = reading.printed_thrust.partition(" ")
+    return f"{times_ten(round(log10(float(number)))).removeprefix(' × ')} {unit_text(unit)}"
 
 
 def with_unit(reading: Reading, name: str, before: str = "") -> str:

@@ -115,29 +115,22 @@ ENTRIES: dict[str, Entry] = {
     "iteration": Entry(iteration.iteration, ("iteration", "relay")),
     "readings": Entry(iteration.readings, ("readings",)),
 }
-# Items about the published vehicle and the paper's units, which have no meaning for another vehicle.
-PAPER_ONLY = ("vehicle", "readings")
 
 
-def chosen_items(only: Sequence[str], is_paper: bool) -> tuple[str, ...]:
+def chosen_items(only: Sequence[str]) -> tuple[str, ...]:
     """Keys of the items asked for, all if none, in the order of the paper.
 
     Raises:
         InputError: an unknown key, or a list without any; all keys are listed.
     """
-    known = tuple(key for key in ENTRIES if is_paper or key not in PAPER_ONLY)
     wanted = {name.strip() for text in only for name in text.split(",") if name.strip()}
     for name in sorted(wanted) or [""] * bool(only):
-        if name not in known:
-            close = nearest(name, known)
+        if name not in ENTRIES:
+            close = nearest(name, ENTRIES)
             raise InputError(
                 "--only",
                 found=f'"{name}"',
-                expected="items among " + ", ".join(known),
-                remedy="it is about the paper's own vehicle: leave --vehicle out"
-                if name in PAPER_ONLY
-                else close
-                if close.startswith("did")
-                else "choose from the list",
+                expected="items among " + ", ".join(ENTRIES),
+                remedy=close if close.startswith("did") else "choose from the list",
             )
-    return tuple(key for key in known if not wanted or key in wanted)
+    return tuple(key for key in ENTRIES if not wanted or key in wanted)

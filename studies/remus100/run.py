@@ -10,34 +10,29 @@ from seatrial import __version__
 from seatrial.core.errors import InputError
 from seatrial.core.files import remove_orphans, write_json
 from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
+from studies.remus100.reading import READINGS, Reading
 from studies.remus100.registry import ENTRIES, PARTS
 from studies.remus100.study import Item, Sizes, Study
-from studies.remus100.vehicle_file import READINGS, Reading, read_vehicle
 
 FILE_NAME = "paper.json"
 
 
-def choose_vehicle(reading: str, vehicle: Path | None) -> Reading:
-    """Return the paper's vehicle under one reading, or a user's.
+def choose_reading(name: str) -> Reading:
+    """Return the paper's vehicle under one reading.
 
     Raises:
-        InputError: no such reading, both given, or a file that cannot be used.
+        InputError: no such reading.
     """
-    if reading.upper() not in READINGS or (vehicle is not None and reading != "A"):
-        raise InputError(
-            "--reading",
-            found=f'"{reading}"' + (" together with --vehicle" if vehicle else ""),
-            expected="A or B, of the paper's own vehicle",
-            remedy="leave it out for A; a vehicle file names its units",
-        )
-    return READINGS[reading.upper()] if vehicle is None else read_vehicle(vehicle)
+    if name.upper() not in READINGS:
+        raise InputError("--reading", found=f'"{name}"', expected="A or B", remedy="leave it out for A")
+    return READINGS[name.upper()]
 
 
 def check_folder(folder: Path, reading: Reading) -> None:
     """Refuse a folder that holds the study of something else.
 
     Raises:
-        InputError: a file, or the study of another vehicle or reading.
+        InputError: a file, or the study of another reading.
     """
     if folder.is_file():
         raise InputError(
@@ -50,11 +45,11 @@ def check_folder(folder: Path, reading: Reading) -> None:
         kept = json.loads((folder / FILE_NAME).read_text(encoding="utf-8"))["vehicle"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return
-    if kept != reading.source.model_dump():
+    if kept != asdict(reading):
         raise InputError(
             str(folder),
-            found=f"the study of {kept.get('name', 'another vehicle')}" if isinstance(kept, dict) else "another study",
-            expected=f"an empty folder, or the study of {reading.source.name}",
+            found=f"the study of {kept.get('title', 'another vehicle')}" if isinstance(kept, dict) else "another study",
+            expected=f"an empty folder, or the study of {reading.title}",
             remedy="name another folder, or delete this one",
         )
 
@@ -81,7 +76,7 @@ def run_paper(
         folder / FILE_NAME,
         {
             "seatrial_version": __version__,
-            "vehicle": reading.source.model_dump(),
+            "vehicle": asdict(reading),
             "reading": reading.name,
             "sizes": asdict(sizes),
             "seed": study.seed,

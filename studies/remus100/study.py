@@ -13,7 +13,7 @@ from seatrial.campaign.store.stored_result import is_current, key_of, write_data
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.files import sha256_of_json
 from seatrial.core.reporter import SILENT, Progress, Reporter
-from studies.remus100.vehicle_file import Reading
+from studies.remus100.reading import Reading
 
 Verdict = Literal["reproduced", "reproduced in shape", "differs", "cannot hold"]
 
@@ -110,7 +110,7 @@ class Study:
 
     def key(self, name: str) -> str:
         """Stamp of a part's results."""
-        return key_of("paper", name, self.reading.source.model_dump(), asdict(self.sizes), self.seed)
+        return key_of("paper", name, asdict(self.reading), asdict(self.sizes), self.seed)
 
     def random_key(self, name: str) -> jax.Array:
         """Random key of a part, its own."""

@@ -17,7 +17,7 @@ from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import Prior, Uniform
 from seatrial.manoeuvres.family import Family
 from seatrial.vehicles.simulate import simulate
-from studies.remus100.vehicle_file import NAMES, Reading
+from studies.remus100.reading import NAMES, Reading
 
 DURATION, STEP, PERIOD, ACTIVE = 60.0, 0.01, 10.0, 40.0
 N = round(DURATION / STEP)
@@ -30,7 +30,7 @@ def stamps() -> Float[np.ndarray, " n"]:
 
 def doublets(reading: Reading, period: float = PERIOD, active: float = ACTIVE) -> Float[np.ndarray, " n"]:
     """Return the propeller speed of the largest doublets, rad/s."""
-    family = Family("n", reading.trim, DURATION, active, STEP)
+    family = Family("n", reading.turns, DURATION, active, STEP)
     return np.asarray(family.signal(reading.highest, period, stamps()))
 
 
@@ -83,4 +83,4 @@ def around(value: float) -> Uniform:
 
 def wide(reading: Reading) -> Uniform:
     """Uninformative prior of the doubted term."""
-    return Uniform(-reading.source.doubted.wide, reading.source.doubted.wide)
+    return Uniform(-reading.wide, reading.wide)

@@ -24,8 +24,8 @@ from studies.remus100.filters import (
     run_over_seeds,
 )
 from studies.remus100.panels import PAGE, key, logarithmic, name_axes, panels, symbol
+from studies.remus100.reading import NAMES
 from studies.remus100.study import Item, Number, Study
-from studies.remus100.vehicle_file import NAMES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

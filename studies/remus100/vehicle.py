@@ -14,8 +14,8 @@ from seatrial.vehicles.catalogue import load_surge, load_vehicle
 from seatrial.vehicles.linearise import linearise, trim
 from seatrial.vehicles.simulate import simulate
 from studies.remus100.panels import PAGE, key, name_axes, panels
+from studies.remus100.reading import RPM
 from studies.remus100.study import Item, Number, Study
-from studies.remus100.vehicle_file import RPM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,10 +10,10 @@ import xarray as xr
 
 from studies.remus100.designs import PERIODS
 from studies.remus100.iteration import FITS
+from studies.remus100.reading import NAMES, Reading
 from studies.remus100.registry import ENTRIES
 from studies.remus100.study import Item, Number, Sizes, Study
 from studies.remus100.tests.studies import TINY, A
-from studies.remus100.vehicle_file import NAMES, Reading
 from tests.cases import RPM
 
 PRINTED = np.array([-1.21, -2.93, 6.28])
@@ -29,7 +29,7 @@ def trial(time: np.ndarray) -> dict[str, tuple]:
     true = np.column_stack([1.5 + 0.1 * np.sin(time), 0.1 * np.cos(time)])
     noise = 0.1 * np.random.default_rng(3).normal(size=true.shape)
     both = ("time", "channel")
-    return {"n": ("time", A.trim + 20 * np.sign(np.sin(time))), "true": (both, true), "measured": (both, true + noise)}
+    return {"n": ("time", A.turns + 20 * np.sign(np.sin(time))), "true": (both, true), "measured": (both, true + noise)}
 
 
 def filters() -> xr.Dataset:
@@ -117,7 +117,7 @@ def relay() -> xr.Dataset:
         {
             "gain": (("amplitude", "threshold"), [[25.0, 23.0], [18.0, 17.0]]),
             "switches": (("amplitude", "threshold"), [[9, 1], [9, 1]]),
-            "n": ("time", A.trim + 20 * np.sign(np.sin(time))),
+            "n": ("time", A.turns + 20 * np.sign(np.sin(time))),
             "u": ("time", 1.5 + 0.2 * np.sin(time)),
         },
         {"amplitude": [200 * RPM, 100 * RPM], "threshold": [0.4, 0.5], "time": time},

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from studies.remus100.reading import READINGS, Reading
 from studies.remus100.registry import PARTS
 from studies.remus100.study import Sizes, Study
-from studies.remus100.vehicle_file import READINGS, Reading
 
 A, B = READINGS["A"], READINGS["B"]
 TINY = Sizes(

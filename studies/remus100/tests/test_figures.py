@@ -9,10 +9,10 @@ from seatrial.core.display_units import shown_unit
 from studies.remus100.evidence import PRINTED_PROBABILITIES
 from studies.remus100.figures import FIGURES, chosen_figures
 from studies.remus100.filters import BOUND_SHARE
+from studies.remus100.reading import NAMES, RPM
 from studies.remus100.registry import ENTRIES
 from studies.remus100.tests.made_up import FILTERS, METHODS, InMemory, change, made_up_study
 from studies.remus100.tests.studies import A
-from studies.remus100.vehicle_file import NAMES, RPM
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ def test_trials_against_a_plain_loop():
     """Speed by textbook RK4, and noise of 0.1 on both channels: 3 000 values, whose sd has an error of 1.3 %."""
     trials = make_trials(A, 1)
     rev_per_s = trials.control[0, :, 0] / (2 * np.pi)
-    assert np.abs(trials.control - A.trim).max() <= 400 * RPM
+    assert np.abs(trials.control - A.turns).max() <= 400 * RPM
     assert np.flatnonzero(np.diff(rev_per_s)).tolist() == [199, 399, 599, 799, 999, 1199, 1399]
     speed = [U0]
     for n in rev_per_s[:-1]:

@@ -6,10 +6,8 @@ from math import isfinite
 import numpy as np
 import pytest
 
-from studies.remus100.registry import ENTRIES, PAPER_ONLY, chosen_items
+from studies.remus100.registry import ENTRIES
 from studies.remus100.tests.made_up import BUILD, PRINTED, SD, change, evidence, made_up_study, sweep
-from studies.remus100.tests.test_reading import OWN, write
-from studies.remus100.vehicle_file import read_vehicle
 
 SHAPE, DIFFERS, NO = "reproduced in shape", "differs", "cannot hold"
 SETTLED = ("figure-5",)
@@ -230,15 +228,3 @@ def test_a_relay_that_always_oscillates():
     item = judged("relay", {"relay": put("switches", ..., 9)})
     check(item, "relay")
     assert "reach the reversal" not in item.because
-
-
-@pytest.mark.parametrize("key", [key for key in ENTRIES if key not in PAPER_ONLY])
-def test_nothing_is_printed_of_another_vehicle(tmp_path, key):
-    own = read_vehicle(write(tmp_path, OWN))
-    assert key in chosen_items([], own.is_paper)
-    item = judged(key, reading=own)
-    check(item, key)
-    assert {number.printed for number in item.numbers} <= {None}
-    assert not [
-        number for number in ("0.4642", "0.5501", "0.10 printed", "0.01 by the SRUKF", "4.8") if number in item.because
-    ]

@@ -15,8 +15,6 @@ MISTAKES = {
     "one unknown item of several": (["--only", "table-3,nonsense", "--only", "figure-1"], ['"nonsense"', "--only"]),
     "no item": (["--only", ""], ['""', "--only"]),
     "unknown reading": (["--reading", "C"], ["--reading", '"C"', "A or B"]),
-    "no vehicle": (["--vehicle", "missing.toml"], ["missing.toml", "no such file"]),
-    "reading and vehicle": (["--reading", "B", "--vehicle", "missing.toml"], ["together with --vehicle"]),
 }
 
 
@@ -43,15 +41,6 @@ def test_an_unknown_item_lists_them_all(monkeypatch, capsys, tmp_path):
     _, _, err = run(monkeypatch, capsys, tmp_path, "--only", "nonsense")
     listed = re.findall(r"[a-z0-9-]+", err.partition("items among")[2].partition("\n")[0])
     assert listed == list(ENTRIES)
-
-
-def test_a_vehicle_with_a_mistake(monkeypatch, capsys, tmp_path):
-    path = tmp_path / "mine.toml"
-    path.write_text('name = "mine"\nmass = "30 kgs"\n')
-    code, out, err = run(monkeypatch, capsys, tmp_path / "study", "--vehicle", path)
-    assert (code, out) == (Exit.BAD_INPUT, "")
-    assert "mine.toml" in err
-    assert results(tmp_path) == ["mine.toml"]
 
 
 def test_one_item_in_a_folder_named_after_the_options(monkeypatch, capsys, tmp_path):

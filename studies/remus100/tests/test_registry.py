@@ -16,7 +16,7 @@ from studies.remus100 import (
     tuning,
     vehicle,
 )
-from studies.remus100.registry import ENTRIES, PAPER_ONLY, PARTS, chosen_items
+from studies.remus100.registry import ENTRIES, PARTS, chosen_items
 from studies.remus100.study import Item
 
 MODULES = (chain_verdicts, design_verdicts, equations, evidence, filter_verdicts, iteration, tuning, vehicle)
@@ -56,12 +56,11 @@ def test_every_table_and_figure_is_there_in_the_order_of_the_paper():
 
 
 def test_no_choice_is_every_item():
-    assert chosen_items([], True) == tuple(ENTRIES)
-    assert chosen_items([], False) == tuple(key for key in ENTRIES if key not in PAPER_ONLY)
+    assert chosen_items([]) == tuple(ENTRIES)
 
 
 def test_lists_with_commas_in_the_order_of_the_paper():
-    assert chosen_items(["table-3, figure-1", "table-3", "claim-ridges,"], True) == (
+    assert chosen_items(["table-3, figure-1", "table-3", "claim-ridges,"]) == (
         "figure-1",
         "claim-ridges",
         "table-3",
@@ -74,14 +73,7 @@ def test_lists_with_commas_in_the_order_of_the_paper():
 )
 def test_an_unknown_item_lists_them_all(name, remedy):
     with pytest.raises(InputError) as raised:
-        chosen_items(["table-1," + name], True)
+        chosen_items(["table-1," + name])
     assert f'"{name}"' in raised.value.found
     assert remedy in raised.value.remedy
     assert re.findall(r"[a-z0-9-]{3,}", raised.value.expected.removeprefix("items among")) == list(ENTRIES)
-
-
-@pytest.mark.parametrize("name", PAPER_ONLY)
-def test_items_of_the_published_vehicle_are_not_of_another(name):
-    with pytest.raises(InputError) as raised:
-        chosen_items([name], False)
-    assert f" {name}," not in raised.value.expected

@@ -6,9 +6,8 @@ import pytest
 
 from seatrial import __version__
 from seatrial.core.errors import InputError
-from studies.remus100.run import check_folder, choose_vehicle, run_paper
+from studies.remus100.run import check_folder, choose_reading, run_paper
 from studies.remus100.tests.studies import TINY, A, B
-from studies.remus100.tests.test_reading import OWN, write
 
 ITEMS = ("equations-3", "figure-4")
 PARTS = ["chosen-doublet.nc", "equations.nc"]
@@ -44,7 +43,7 @@ def test_everything_is_in_paper_json(finished):
     content = json.loads((folder / "paper.json").read_text(), parse_constant=refuse)
     assert (content["seatrial_version"], content["reading"], content["seed"]) == (__version__, "A", 0)
     assert content["sizes"]["draws"] == TINY.draws
-    assert content["vehicle"]["coefficients"] == {"X_u": -1.21, "X_uabsu": -2.93, "T_nabsn": "6.28e-2 N/(rev/s)^2"}
+    assert content["vehicle"]["thrust"] == "6.28e-2 N/(rev/s)^2"
     assert [item["key"] for item in content["items"]] == [item.key for item in judged] == list(ITEMS)
     for written, item in zip(content["items"], judged, strict=True):
         assert written["verdict"] in VERDICTS
@@ -96,13 +95,11 @@ def test_an_item_without_parts(tmp_path):
 
 @pytest.mark.parametrize(("name", "expected"), [("A", A), ("b", B)])
 def test_readings_by_name(name, expected):
-    assert choose_vehicle(name, None) is expected
+    assert choose_reading(name) is expected
 
 
-def test_a_vehicle_file_names_its_own_units(tmp_path):
-    path = write(tmp_path, OWN)
-    assert choose_vehicle("A", path).name == "own"
-    for name, vehicle in (("C", None), ("", None), ("B", path)):
-        with pytest.raises(InputError, match="--reading") as raised:
-            choose_vehicle(name, vehicle)
-        assert "A or B" in raised.value.expected
+@pytest.mark.parametrize("name", ["C", ""])
+def test_no_such_reading(name):
+    with pytest.raises(InputError, match="--reading") as raised:
+        choose_reading(name)
+    assert raised.value.expected == "A or B"

@@ -24,7 +24,7 @@ def test_trial_is_the_golden_one():
 def test_doublets_phase_by_phase(period, active):
     expected = 2 * np.pi * naive_doublets(stamps(), 200, period, active)
     np.testing.assert_allclose(doublets(A, period, active), expected, rtol=1e-12)
-    np.testing.assert_allclose(doublets(B) - B.trim, doublets(A) - A.trim, atol=1e-12)
+    np.testing.assert_allclose(doublets(B) - B.turns, doublets(A) - A.turns, atol=1e-12)
     assert np.ptp(doublets(A)) == pytest.approx(400 * RPM)
 
 
