@@ -10,7 +10,7 @@ import seatrial as st
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.cross_validation import best_campaign, cross_validate, current_cross_validation
-from seatrial.campaign.inference.error_models import error_models, scale_of, with_error_model
+from seatrial.campaign.inference.error_models import error_models, with_error_model
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding
@@ -18,6 +18,7 @@ from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
 from seatrial.estimation.prediction.prediction_scores import unscored
 from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement, rows
+from seatrial.messages.selection import ERROR_MODELS
 from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun, gap
 from seatrial.selection.structures import Structure
 from tests.campaign.small import write_small
@@ -30,7 +31,7 @@ def candidate(label, elpd, evidence, crps, error=OWN, lines=()):
         for name, value, score in zip("abc", elpd, crps, strict=False)
     )
     left = LeaveOneRunOut(runs, {"u": pooled_verdict([], "u")}, evidence, "")
-    return Candidate(Structure(label, ("X_u", label)), error, "words", tuple(lines), left)
+    return Candidate(Structure(label, ("X_u", label)), error, tuple(lines), left)
 
 
 def with_elpd(one, elpd):
@@ -94,17 +95,44 @@ def test_clearly_better_error_model_is_recommended_with_its_lines():
     assert not complaints(close)
 
 
+def test_forecasts_and_whole_runs_may_need_different_models():
+    """By density the force with memory predicts better; its free simulation of a whole run is worse by a quarter."""
+    force = candidate("M-0", (40.0, 42.0, 41.0), -60.0, (0.025, 0.026, 0.028), "disturbance", ("[estimation]",))
+    force = replace(force, parameters=(("disturbance_X", 1.0, 0.1), ("disturbance_N", 1.0, 0.1)))
+    both = found(LIKELY, force)
+    assert (both.chosen, both.whole_run) == (force, LIKELY)
+    assert both.stack is not None
+    assert [one.crps for one in both.stack.members] == pytest.approx([79 / 63, 1.0])
+    said = cross_validation_lines(both)
+    assert said[0] == "recommended for forecasts from now: M-0 (X_u M-0), error disturbance: it predicts best"
+    assert said[1].startswith(
+        "recommended for predictions of a whole run: M-0 (X_u M-0), error as stated: its CRPS is 25% ±"
+    )
+    assert "(a force with memory along X and N)" in complaints(both)[0]
+    assert "and M-0 (error as stated) for predictions of a whole run" in complaints(both)[0]
+    as_close = replace(force, left=replace(force.result, runs=LIKELY.result.runs))
+    again = found(LIKELY, with_elpd(as_close, (40.0, 42.0, 41.0)))
+    assert again.whole_run is again.chosen is again.candidates[1]
+
+
+def test_a_model_for_whole_runs_alone_is_recommended_for_them():
+    closer = candidate("M-0", (10.0, 11.0, 12.0), -60.0, (0.012, 0.011, 0.013), "drifting", ("[estimation]",))
+    said = complaints(found(LIKELY, closer))
+    assert "simulates runs left out more closely than as stated: the CRPS of a whole run is 43% ±" in said[0]
+    assert "    [estimation]" in cross_validation_lines(found(LIKELY, closer))
+
+
 def test_table_has_the_weights():
     stack = found(LIKELY, BETTER).stack
     assert stack is not None
     assert [one.model for one in stack.members] == ["M-1", "M-0"]
     assert [one.weight for one in stack.members] == pytest.approx([1.0, 0.0], abs=1e-3)
     assert (stack.members[1].delta, stack.contradicts) == (-32.0, True)
-    assert rows(found(LIKELY, BETTER))[0][2:4] == ("1.00", "best")
+    assert rows(found(LIKELY, BETTER))[0][2:5] == ("1.00", "1.00", "best")
 
 
 def test_what_was_refused_is_told_and_not_scored():
-    none = Candidate(Structure("M-0", ("X_u",)), "process noise", "words", ("[estimation]",), refused="a lag")
+    none = Candidate(Structure("M-0", ("X_u",)), "process noise", ("[estimation]",), refused="a lag")
     all_of = found(LIKELY, none)
     assert complaints(all_of) == ["M-0, process noise: a lag"]
     assert len(rows(all_of)) == 1
@@ -145,25 +173,21 @@ def three_runs(count=3):
 def test_lines_of_every_error_model_are_what_it_does(tmp_path):
     """The lines read as TOML are the settings and priors with which it was computed; nobody has to guess a prior."""
     campaign, trials = load_campaign(write_small(tmp_path)), three_runs()
-    model, coefficients = (
-        campaign.model(campaign.full),
-        {"X_u": (-1.2, 0.3), "X_uabsu": (-2.9, 0.2), "T_nabsn": (6e-4, 1e-5)},
-    )
-    values = {name: value for name, (value, _) in coefficients.items()}
-    scale = scale_of(model, trials.fit, coefficients, values)
-    found = {one.name: one for one in error_models(campaign, campaign.full, scale)}
-    assert list(found) == ["coloured", "drifting", "heavy", "process noise", "disturbance", "all vary by run"]
+    values = {"X_u": -1.2, "X_uabsu": -2.9, "T_nabsn": 6e-4}
+    found = {one.name: one for one in error_models(campaign, campaign.full, trials.fit, values)}
+    assert list(found) == ["coloured", "drifting", "heavy", "process noise", "disturbance"]
+    assert found.keys() < ERROR_MODELS.keys()
     for error in found.values():
         tables = tomllib.loads("\n".join(error.lines()))
         changed = with_error_model(campaign, campaign.full, error)
         for key, value in tables["estimation"].items():
-            kept = getattr(changed.estimation, key)
-            assert (list(kept) if isinstance(kept, tuple) else kept) == value
+            assert getattr(changed.estimation, key) == value
         added = set(changed.priors) - set(campaign.priors)
         assert added == set(tables.get("prior", {}))
         build_posterior(changed, campaign.full, trials.fit)
     # the vehicle of 31.4 kg is pushed to its own speed's spread in one second
-    assert scale.forces["X"] == pytest.approx(31.4 * scale.sizes["u"], rel=1e-2)
+    speeds = np.mean([np.nanstd(record.channel("u")) for record in trials.fit])
+    assert found["disturbance"].priors["disturbance_X"]["upper"] == pytest.approx(31.4 * speeds, rel=0.05)
 
 
 def test_the_best_campaign_has_one_structure_and_another_error_model_only_where_that_is_clearly_better(tmp_path):
@@ -199,7 +223,6 @@ def test_white_noise_recommends_nothing_else(tmp_path):
         "heavy",
         "process noise",
         "disturbance",
-        "all vary by run",
     }
     assert made.chosen is not None
     assert made.chosen.error_model == OWN

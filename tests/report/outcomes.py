@@ -169,7 +169,7 @@ def make_cross_validation() -> CrossValidation:
             for name, more in zip("abc", (0.0, 1.0, 1.5), strict=True)
         )
         left = LeaveOneRunOut(tuple(runs), {pooled.channel: pooled for pooled in make_pooled(0.5)}, evidence, "")
-        candidates.append(Candidate(Structure(label, ("X_u",)), OWN, "the campaign's own", (), left))
+        candidates.append(Candidate(Structure(label, ("X_u",)), OWN, (), left))
     return CrossValidation(("a", "b", "c"), tuple(candidates), ())
 
 

@@ -2,42 +2,55 @@
 
 from seatrial.core.result_table import aligned
 from seatrial.messages.render import sentence, statement
-from seatrial.selection.cross_validation import OWN, CrossValidation, gap
+from seatrial.selection.cross_validation import Candidate, CrossValidation, gap
 
 
 def cross_validation_lines(result: CrossValidation) -> list[str]:
     """Return the headline, then the table."""
     note = "differences to the best: log predictive density of what was left out, nats, ± the standard error over runs or blocks"
-    chosen = result.chosen
-    if chosen is None:
+    if not result.found:
         return []
-    added = [f"    {line}" for line in chosen.lines]
     table = aligned([heads(result), *rows(result)], left=(0, 1, -1))
-    return [*headline(result), *added, note, *table, *_derived_priors(result)]
+    return [*headline(result), *(f"    {line}" for line in new_lines(result)), note, *table, *_derived_priors(result)]
+
+
+def new_lines(result: CrossValidation) -> list[str]:
+    """Return the lines for the campaign file that make what is recommended, of each other model of the error once."""
+    advised = [one for one in (result.chosen, result.whole_run) if one]
+    return [line for one in dict.fromkeys(one.lines for one in advised) for line in one]
 
 
 def headline(result: CrossValidation) -> list[str]:
     """Return what matters most, first."""
-    chosen = result.chosen
-    if chosen is None:
+    chosen, whole = result.chosen, result.whole_run
+    if chosen is None or whole is None:
         return []
-    best, apart = result.ordered[0], gap(result.ordered[0], chosen)
+    best, parts = result.ordered[0], len(result.runs)
+    apart = gap(best, chosen)
     why = (
         "it predicts best"
         if best is chosen
-        else f"{best.name} is better by {apart.delta:.1f} ± {apart.std_error:.1f} nats, within what {len(result.runs)} parts can tell"
+        else f"{best.name} is better by {apart.delta:.1f} ± {apart.std_error:.1f} nats, within what {parts} parts can tell"
     )
-    lines = [disagreement(result)] if disagreement(result) else []
-    lines.append(
-        f"recommended: {chosen.structure.label} ({' '.join(chosen.structure.terms)}), error {chosen.error_model}: {why}"
-    )
+    lines = [*filter(None, [disagreement(result)])]
+    if whole is chosen:
+        lines.append(f"recommended: {_whole_name(chosen)}: {why}")
+    else:
+        closer = result.closer(whole, chosen)
+        smaller = f"its CRPS is {closer.delta:.0%} ± {closer.std_error:.0%} smaller"
+        lines.append(f"recommended for forecasts from now: {_whole_name(chosen)}: {why}")
+        lines.append(f"recommended for predictions of a whole run: {_whole_name(whole)}: {smaller}")
     lines += [
-        f"{chosen.name}, each left out in turn: {bands.level}; {sentence(bands.verdict)}"
-        for bands in chosen.result.bands.values()
+        f"{one.name}, each left out in turn: {bands.level}; {sentence(bands.verdict)}"
+        for one in (chosen, *([] if whole is chosen else [whole]))
+        for bands in one.result.bands.values()
     ]
-    if chosen.error_model != OWN:
-        lines += [f"{statement(one)}; put into campaign.toml:" for one in result.findings if one.level == "caution"]
-    return lines
+    better = [one for one in result.findings if one.code == "error-model-better"]
+    return lines + [f"{statement(one)}; put into campaign.toml:" for one in better]
+
+
+def _whole_name(one: Candidate) -> str:
+    return f"{one.structure.label} ({' '.join(one.structure.terms)}), error {one.error_model}"
 
 
 def disagreement(result: CrossValidation) -> str:
@@ -51,7 +64,6 @@ def complaints(result: CrossValidation) -> list[str]:
     better = [sentence(one) for one in result.findings if one.level == "caution"]
     return [
         *better,
-        *result.cautions,
         *lines,
         *(f"{one.name}: {one.refused}" for one in result.candidates if one.refused),
     ]
@@ -66,6 +78,7 @@ def rows(result: CrossValidation) -> list[tuple[str, ...]]:
             member.model,
             member.error_model,
             f"{member.weight:.2f}",
+            f"{member.crps:.2f}",
             "best" if member.delta == 0.0 else f"{member.delta:+.1f} ± {member.std_error:.1f}",
             *(
                 text
@@ -87,7 +100,7 @@ def rows(result: CrossValidation) -> list[tuple[str, ...]]:
 def heads(result: CrossValidation) -> tuple[str, ...]:
     """Return the heads of the table."""
     columns = [text for name in result.found[0].result.bands for text in (f"CRPS {name}", f"{name} in 50 %", "in 90 %")]
-    return ("model", "error model", "weight", "elpd", *columns, "k-hat", "probability", "terms")
+    return ("model", "error model", "weight", "whole run", "elpd", *columns, "k-hat", "probability", "terms")
 
 
 def _derived_priors(result: CrossValidation) -> list[str]:

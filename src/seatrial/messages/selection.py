@@ -9,7 +9,7 @@ from seatrial.messages.entry import Entry, Remedy
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.selection.cross_validation import CLEAR, EXCLUDED, MAX_CHANCE
+    from seatrial.selection.cross_validation import CLEAR, EXCLUDED, MAX_CHANCE, SMALL_CRPS
     from seatrial.selection.method_agreement import MAX_JOINT_ERRORS
     from seatrial.selection.stack import SMALL
 
@@ -19,6 +19,7 @@ def thresholds() -> dict[str, float]:
         "EXCLUDED": EXCLUDED,
         "MAX_CHANCE": MAX_CHANCE,
         "SMALL": SMALL,
+        "SMALL_CRPS": SMALL_CRPS,
     }
 
 
@@ -31,6 +32,31 @@ def _contradicted(values: Mapping[str, Any]) -> str:
         "if {subject:and} is right",
     }[values["kind"]]
     return f"{text}: do not rely on that probability"
+
+
+ERROR_MODELS = {
+    "white": "independent errors of each sample",
+    "coloured": "errors correlated in time",
+    "drifting": "white noise over an error that drifts",
+    "heavy": "independent errors with outliers",
+    "process noise": "random forces on every state",
+    "disturbance": "a force with memory along {axes:and}",
+}
+
+
+def _better(values: Mapping[str, Any]) -> str:
+    text = '{subject:and} with the error model "{error_model}"' + f" ({ERROR_MODELS[values['error_model']]}) "
+    closer = "the CRPS of a whole run is {closer:.0%} ± {closer_error:.0%} smaller"
+    if not values["forecasts"]:
+        return f"{text}simulates runs left out more closely than as stated: {closer}. Forecasts from now do not need it"
+    text += "predicts runs left out better than the best structure as stated, by {delta:.1f} ± {std_error:.1f} nats"
+    apart = f". Use it for forecasts from now, and {{whole_run}} for predictions of a whole run: {closer}"
+    return text + apart * bool(values["whole_run"])
+
+
+def _blocks(values: Mapping[str, Any]) -> str:
+    runs = "run" if values["runs"] == 1 else "runs"
+    return f"blocks of time of {{runs}} {runs} were left out, not runs: another run may be predicted worse"
 
 
 ENTRIES = {
@@ -59,22 +85,40 @@ ENTRIES = {
     ),
     "error-model-better": Entry(
         title="Another model of the error predicts better",
-        sentence='{subject:and} with the error model "{error_model}" ({words}) predicts runs left out better than the best structure as '
-        "stated, by {delta:.1f} ± {std_error:.1f} nats",
+        sentence=_better,
         meaning="Each ± and probability depends on the model of the error, and another one describes runs left out better.",
-        decided="The difference exceeds its standard error over runs and {SMALL:g} nats.",
+        decided="The difference exceeds its standard error over runs and {SMALL:g} nats; that of the CRPS, relative to the campaign's own "
+        "setting and averaged over channels, its standard error and {SMALL_CRPS:.0%}.",
         example=Finding(
             "error-model-better",
             "caution",
             ("M-1",),
             {
                 "error_model": "disturbance",
-                "words": "a force correlated in time",
+                "axes": ("X", "N"),
                 "delta": 85.0,
                 "std_error": 12.0,
+                "forecasts": True,
+                "whole_run": "M-1 (error as stated)",
+                "closer": 0.12,
+                "closer_error": 0.05,
             },
             ("take-error-model",),
         ),
+    ),
+    "runs-in-pieces": Entry(
+        title="Pieces of the same runs",
+        sentence="{subject:and} are pieces of the same long runs, so that each piece knows what the others share",
+        meaning="Of another run nothing is known beforehand, so it may be predicted worse.",
+        decided="A run that was left out is a piece of one that `[import] split` cuts.",
+        example=Finding("runs-in-pieces", "caution", ("a 1", "a 2")),
+    ),
+    "blocks-left-out": Entry(
+        title="Blocks of time in place of runs",
+        sentence=_blocks,
+        meaning="Blocks of one run share its trim, its current and its errors of the start.",
+        decided="There are fewer fitted runs than are needed to leave whole runs out.",
+        example=Finding("blocks-left-out", "caution", (), {"runs": 2, "needed": 3}, ("fit-more-runs",)),
     ),
     "evidence-check-blunt": Entry(
         title="Check of an evidence too blunt",
@@ -100,6 +144,7 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "fit-more-runs": Remedy(command="fit {needed} runs or more: then whole runs are left out"),
     "take-error-model": Remedy(
         command="put the lines that `seatrial crossvalidate` prints into campaign.toml",
         python="give its priors and sensors to make_posterior",

@@ -7,14 +7,17 @@ import numpy as np
 from pydantic import computed_field
 
 from seatrial.core.findings import Finding
+from seatrial.core.signals import SPEEDS
 from seatrial.estimation.prediction.pooled_coverage import Pooled
-from seatrial.estimation.prediction.prediction_scores import Score
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, Score
 from seatrial.selection.stack import SMALL, Gap, mixture_score, paired, simplest, stacking_weights
 from seatrial.selection.structures import Structure
 
 CLEAR = 2.0  # Standard errors beyond which a difference is one
 OWN = "as stated"  # Name of the campaign's own model of the error
 EXCLUDED = 0.05  # Probability below which the evidence excludes a structure
+SMALL_CRPS = 0.05  # Relative difference of the CRPS below which it does not matter
+MAX_RATIO = 1e3  # Relative CRPS that stands for that of a simulation without bounds
 # Chance that a run is predicted so much better by another structure, at most, from which the one that the evidence prefers is contradicted.
 MAX_CHANCE = 0.01
 
@@ -72,8 +75,9 @@ class LeaveOneRunOut:
         return max(run.k_hat for run in self.runs)
 
     def crps(self, channel: str) -> tuple[float, ...]:
-        """Return the mean continuous ranked probability score of a channel in each run, SI; lower is better."""
-        return tuple(run.scores[channel].crps for run in self.runs)
+        """Return the mean continuous ranked probability score of a channel in each run, SI; lower is better, inf where it diverges."""
+        scores = [run.scores[channel] for run in self.runs]
+        return tuple(np.inf if one.missing == DIVERGES else one.crps for one in scores)
 
     def mean_crps(self, channel: str) -> float:
         """Return the mean of that over runs."""
@@ -98,7 +102,6 @@ class Candidate:
     Attributes:
         structure: which terms.
         error_model: name.
-        words: what the model of the error says.
         lines: that make it in a campaign file; none for the campaign's own.
         left: each run as the others predict it; None if there is no result.
         parameters: value and standard deviation of each at the mode, SI.
@@ -107,7 +110,6 @@ class Candidate:
 
     structure: Structure
     error_model: str
-    words: str
     lines: tuple[str, ...]
     left: LeaveOneRunOut | None = None
     parameters: tuple[tuple[str, float, float], ...] = ()
@@ -139,6 +141,7 @@ class Member:
     Attributes:
         model: label of the structure.
         error_model: name of the model of the error.
+        crps: of a free simulation of each run, over that of the campaign's own setting, mean over channels and runs; lower is better.
         weight: in the mixture that predicts what was left out best.
         delta: difference to the best in the sum of log densities, nats; 0 or less.
         std_error: of the difference, over runs.
@@ -147,6 +150,7 @@ class Member:
 
     model: str
     error_model: str
+    crps: float
     weight: float
     delta: float
     std_error: float
@@ -159,13 +163,15 @@ class Stack:
 
     Attributes:
         members: candidates.
-        chosen: place among them of the one with fewest terms within one standard error of the best (`simplest`).
+        chosen: place among them of the one for forecasts from now: with fewest terms within one standard error of the best (`simplest`).
+        whole_run: place of the one for predictions of a whole run: the same, unless another one has a clearly smaller CRPS.
         gain: of the mixture over the best alone, nats.
         contradicts: whether what was left out contradicts the evidence (`CrossValidation.contradictions`).
     """
 
     members: tuple[Member, ...]
     chosen: int
+    whole_run: int
     gain: float
     contradicts: bool
 
@@ -194,12 +200,12 @@ class CrossValidation:
     Attributes:
         runs: labels of what was left out.
         candidates: structures under the campaign's own model of the error first.
-        cautions: what a reader must know.
+        cautions: what was left out, where those are not whole runs that know nothing of each other.
     """
 
     runs: tuple[str, ...]
     candidates: tuple[Candidate, ...]
-    cautions: tuple[str, ...]
+    cautions: tuple[Finding, ...]
 
     @property
     def found(self) -> list[Candidate]:
@@ -224,50 +230,83 @@ class CrossValidation:
         if not ordered:
             return None
         density = np.array([[run.elpd for run in one.result.runs] for one in ordered]).T
+        crps = np.array([self.relative_crps(one) for one in ordered]).T / len(self.runs)
         weights = stacking_weights(density)
         gaps = [gap(one, ordered[0]) for one in ordered]
+        members = zip(ordered, crps.sum(0), weights, gaps, strict=True)
+        stated = ["" if one.error_model == OWN else one.error_model for one in ordered]
+        terms = [len(one.structure.terms) for one in ordered]
+        chosen, closest = simplest(density, stated, terms), int(crps.sum(0).argmin())
+        is_worse = paired(crps[:, chosen], crps[:, closest]).is_clear(1.0, SMALL_CRPS)
         return Stack(
             tuple(
                 Member(
-                    one.structure.label, one.error_model, float(w), apart.delta, apart.std_error, self.probability(one)
+                    one.structure.label,
+                    one.error_model,
+                    float(c),
+                    float(w),
+                    apart.delta,
+                    apart.std_error,
+                    self.probability(one),
                 )
-                for one, w, apart in zip(ordered, weights, gaps, strict=True)
+                for one, c, w, apart in members
             ),
-            simplest(
-                density,
-                ["" if one.error_model == OWN else one.error_model for one in ordered],
-                [len(one.structure.terms) for one in ordered],
-            ),
+            chosen,
+            simplest(-crps, stated, terms, SMALL_CRPS) if is_worse else chosen,
             mixture_score(density, weights) - ordered[0].total,
             bool(self.contradictions),
         )
 
     @property
     def chosen(self) -> Candidate | None:
-        """The one with fewest terms within one standard error of the best; None where no candidate has a result."""
+        """The one for forecasts from now; None where no candidate has a result."""
         return None if self.stack is None else self.ordered[self.stack.chosen]
+
+    @property
+    def whole_run(self) -> Candidate | None:
+        """The one for predictions of a whole run; None where no candidate has a result."""
+        return None if self.stack is None else self.ordered[self.stack.whole_run]
+
+    def relative_crps(self, candidate: Candidate) -> tuple[float, ...]:
+        """Return the CRPS of each run, over the mean of the campaign's own setting, mean over channels; large where it diverges."""
+        reference = (self.own_best or self.ordered[0]).result
+        means = {name: reference.mean_crps(name) for name in reference.bands}
+        scales = {name: mean if 0.0 < mean < np.inf else 1.0 for name, mean in means.items()}
+        ratios = [np.divide(candidate.result.crps(name), scale) for name, scale in scales.items()]
+        return tuple(map(float, np.minimum(ratios, MAX_RATIO).mean(0)))
 
     @property
     def findings(self) -> list[Finding]:
         """Return whether what was left out contradicts the evidence, and whether another model of the error is recommended."""
-        chosen, own, result = self.chosen, self.own_best, []
+        chosen, whole, own, result = self.chosen, self.whole_run, self.own_best, list(self.cautions)
         for one in self.contradictions[:1]:
             likely = self.likely
             assert likely is not None  # what is contradicted
             values = {"probability": self.probability(likely), "other": one.other, "where": one.where, "kind": one.kind}
             values |= {"delta": one.gap.delta, "std_error": one.gap.std_error, "chance": float(np.exp(-one.gap.delta))}
             result.append(Finding("evidence-contradicted", "alarm", (likely.name,), values))
-        if chosen and own and chosen.error_model != OWN:
-            apart = gap(chosen, own)
+        if chosen and whole and own and {chosen.error_model, whole.error_model} != {OWN}:
+            better = whole if chosen.error_model == OWN else chosen
+            apart, closer = gap(better, own), self.closer(whole, own if better is whole else better)
             values = {
-                "error_model": chosen.error_model,
-                "words": chosen.words,
+                "error_model": better.error_model,
+                "axes": tuple(
+                    axis for axis in SPEEDS if f"disturbance_{axis}" in {name for name, *_ in better.parameters}
+                ),
                 "delta": apart.delta,
                 "std_error": apart.std_error,
+                "forecasts": better is chosen,
+                "whole_run": "" if whole is chosen else f"{whole.structure.label} (error {whole.error_model})",
+                "closer": closer.delta,
+                "closer_error": closer.std_error,
             }
             remedies = ("take-error-model",)
-            result.append(Finding("error-model-better", "caution", (chosen.structure.label,), values, remedies))
+            result.append(Finding("error-model-better", "caution", (better.structure.label,), values, remedies))
         return result
+
+    def closer(self, one: Candidate, other: Candidate) -> Gap:
+        """Return how much smaller the relative CRPS of the first is."""
+        return paired(*(self.relative_crps(each) for each in (other, one)), mean=True)
 
     @property
     def contradictions(self) -> list[Contradiction]:
@@ -285,7 +324,7 @@ class CrossValidation:
         for channel in likely.result.bands:
             other = min(self.own, key=lambda one, channel=channel: one.result.mean_crps(channel))
             closer = paired(likely.result.crps(channel), other.result.crps(channel), mean=True)
-            if other is not likely and closer.is_clear(CLEAR):
+            if other is not likely and np.isfinite(closer.delta) and closer.is_clear(CLEAR):
                 result.append(Contradiction("channel", other.name, channel, closer))
         excluded = [one for one in self.own if self.probability(one) < EXCLUDED]
         looks = len(excluded) * len(self.runs)

@@ -62,21 +62,24 @@ def mixture_score(log_density: Float[np.ndarray, "runs models"], weights: Float[
     return float((top + np.log(np.exp(log_density - top[:, None]) @ weights)).sum())
 
 
-def simplest(log_density: Float[np.ndarray, "runs models"], stated: Sequence[str], terms: Sequence[int]) -> int:
-    """Return the place of the model with fewest terms that predicts within one standard error of the best, or `SMALL` nats.
+def simplest(
+    score: Float[np.ndarray, "runs models"], stated: Sequence[str], terms: Sequence[int], least: float = SMALL
+) -> int:
+    """Return the place of the model with fewest terms that predicts within one standard error of the best, or a least difference.
 
     Differences between models of the error scatter more over runs than those between structures, and would hide these. So the model of
     the error is chosen first, by the best structure under each: the first one where nothing better can be told from it.
 
     Args:
-        log_density: of each run by each model, nats.
+        score: of each run by each model, such as its log density, nats; higher is better.
         stated: model of the error of each, the preferred one empty.
         terms: of the structure of each.
+        least: difference of sums over runs below which there is none.
     """
-    total, places = log_density.sum(0), range(len(stated))
+    total, places = score.sum(0), range(len(stated))
 
     def is_worse(k: int, than: int) -> bool:
-        return paired(log_density[:, than], log_density[:, k]).is_clear(1.0, SMALL)
+        return paired(score[:, than], score[:, k]).is_clear(1.0, least)
 
     best = max(places, key=lambda k: total[k])
     preferred = max((k for k in places if not stated[k]), key=lambda k: total[k], default=best)

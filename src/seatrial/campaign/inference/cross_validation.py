@@ -4,20 +4,20 @@ All structures under the campaign's own model of the error first; then, for thos
 campaign can have (`error_models`). The mode of each is followed from that of the same structure under the campaign's own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.error_models import ErrorModel, Scale, error_models, scale_of, with_error_model
+from seatrial.campaign.inference.error_models import ErrorModel, error_models, with_error_model
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.findings import Finding
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.prediction.posterior_by_run import MIN_RUNS
@@ -27,7 +27,7 @@ from seatrial.selection.stack import SMALL
 from seatrial.selection.structures import Structure
 
 MOST = 3  # Structures at most for which other models of the error are tried
-STATED = ErrorModel(OWN, "the campaign's own")
+STATED = ErrorModel(OWN)
 
 
 def stored_cross_validation(campaign: Campaign, trials: HasKey) -> StoredResult[CrossValidation]:
@@ -54,7 +54,7 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     largest = sorted(campaign.structures, key=lambda one: -len(one.terms))
     work = [(structure, STATED) for structure in largest]
     study = Study(campaign, trials.fit)
-    cautions = tuple(_cautions(trials))
+    cautions = _cautions(trials)
 
     def made(candidates: Sequence[Candidate]) -> CrossValidation:
         labels = next((tuple(run.label for run in one.left.runs) for one in candidates if one.left), ())
@@ -65,17 +65,15 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
 
     _compute(study, work, result, keep, reporter)
     contending = _contending(campaign.structures, result)
-    if contending:
-        others = error_models(campaign, widest(contending), _scale(study, contending, result))
-        for error in others:
-            changed = Study(_changed(campaign, contending, error), trials.fit)
-            first, *rest = [(structure, error) for structure in contending]
-            _compute(changed, [first], result, keep, reporter)
-            one = next(one for one in reversed(result) if one.error_model == error.name)
-            stated = next(other for other in result if (other.structure, other.error_model) == (one.structure, OWN))
-            # One that is clearly worse where it is tried first, or cannot be had there, is not tried for the others.
-            if not (one.refused or gap(stated, one).is_clear(CLEAR, SMALL)):
-                _compute(changed, rest, result, keep, reporter)
+    for error in _others(study, contending, result):
+        changed = Study(_changed(campaign, contending, error), trials.fit)
+        first, *rest = [(structure, error) for structure in contending]
+        _compute(changed, [first], result, keep, reporter)
+        one = next(one for one in reversed(result) if one.error_model == error.name)
+        stated = next(other for other in result if (other.structure, other.error_model) == (one.structure, OWN))
+        # One that is clearly worse where it is tried first, or cannot be had there, is not tried for the others.
+        if not (one.refused or gap(stated, one).is_clear(CLEAR, SMALL)):
+            _compute(changed, rest, result, keep, reporter)
     return made(result)
 
 
@@ -93,8 +91,8 @@ def best_campaign(campaign: Campaign, trials: Trials, found: CrossValidation) ->
     best = found.chosen
     if best is None:
         raise NumericalError("; ".join(one.refused for one in found.candidates))
-    study, contending = Study(campaign, trials.fit), _contending(campaign.structures, found.candidates)
-    others = error_models(campaign, widest(contending), _scale(study, contending, found.candidates))
+    contending = _contending(campaign.structures, found.candidates)
+    others = _others(Study(campaign, trials.fit), contending, found.candidates)
     error = next(one for one in (STATED, *others) if one.name == best.error_model)
     return _changed(campaign, [one for one in contending if one.label == best.structure.label], error)
 
@@ -105,23 +103,22 @@ def current_cross_validation(campaign: Campaign, trials: HasKey) -> CrossValidat
     return kept.read() if kept.is_current() else None
 
 
-def _cautions(trials: Trials) -> list[str]:
-    pieces = [record.label for record in trials.fit if "piece" in record.provenance.options]
-    result = (
-        [f"{', '.join(pieces)} are pieces of the same long runs, so that each piece knows what the others share"]
-        if pieces
-        else []
-    )
-    if (count := len(trials.fit)) < MIN_RUNS:
-        result.append(
-            f"blocks of time of {count} run{'s' * (count > 1)} were left out, and not runs: another run may be predicted worse. "
-            f"With {MIN_RUNS} fitted runs whole runs are left out"
+def _cautions(trials: Trials) -> tuple[Finding, ...]:
+    pieces = tuple(record.label for record in trials.fit if "piece" in record.provenance.options)
+    cautions = [Finding("runs-in-pieces", "caution", pieces)] if pieces else []
+    if (runs := len(trials.fit)) < MIN_RUNS:
+        cautions.append(
+            Finding("blocks-left-out", "caution", (), {"runs": runs, "needed": MIN_RUNS}, ("fit-more-runs",))
         )
-    return result
+    return tuple(cautions)
 
 
 def _compute(
-    study: Study, work: Sequence[tuple[Structure, ErrorModel]], found: list[Candidate], keep: Any, reporter: Reporter
+    study: Study,
+    work: Sequence[tuple[Structure, ErrorModel]],
+    found: list[Candidate],
+    keep: Callable[[Sequence[Candidate]], None],
+    reporter: Reporter,
 ) -> None:
     """Compute what is missing, and keep all that is there after each."""
     there = {(one.structure.label, one.error_model) for one in found}
@@ -148,7 +145,7 @@ def _candidate(
     progress: Progress,
 ) -> Candidate:
     campaign = study.campaign
-    named = Candidate(structure, error.name, error.words, tuple(error.lines()) if error.estimation else ())
+    named = Candidate(structure, error.name, tuple(error.lines()) if error.estimation else ())
     try:
         posterior = study.posterior(structure)
         noise = posterior.likelihood.output.noise_parameters if near else ()
@@ -193,13 +190,16 @@ def _contending(structures: Sequence[Structure], found: Sequence[Candidate]) -> 
     return [by_label[label] for label in labels[:MOST]]
 
 
-def _scale(study: Study, structures: Sequence[Structure], found: Sequence[Candidate]) -> Scale:
-    """Return how large things are, each coefficient as the first structure has it that has it at all."""
-    labels = [one.label for one in structures]
-    own = [one for one in found if one.error_model == OWN and one.structure.label in labels]
-    coefficients = {}
-    for one in sorted(own, key=lambda one: labels.index(one.structure.label)):
-        terms = one.structure.terms
-        coefficients = {name: (value, sd) for name, value, sd in one.parameters if name in terms} | coefficients
-    model = study.campaign.model(widest(structures))
-    return scale_of(model, study.records, coefficients, {name: value for name, (value, _) in coefficients.items()})
+def _others(study: Study, structures: Sequence[Structure], found: Sequence[Candidate]) -> list[ErrorModel]:
+    """Return the other models of the error, by the coefficients of the first structure that has each."""
+    if not structures:
+        return []
+    by_label = {
+        one.structure.label: {name: value for name, value, _ in one.parameters}
+        for one in found
+        if one.error_model == OWN
+    }
+    values = {}
+    for structure in reversed(structures):
+        values |= {name: value for name, value in by_label[structure.label].items() if name in structure.terms}
+    return error_models(study.campaign, widest(structures), study.records, values)

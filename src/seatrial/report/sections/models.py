@@ -7,7 +7,7 @@ import numpy as np
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.regression.row_fit import SCREENING
-from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, rows
+from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, new_lines, rows
 from seatrial.messages.structures import agreement_counts, difference_words, trial_words
 from seatrial.report.drawing import (
     digits_of,
@@ -117,7 +117,7 @@ def _left_out(outcome: Outcome) -> dict[str, Any]:
     texts, alarm = (*headline(result), *complaints(result)), disagreement(result)
     return {
         "findings": [finding_of(outcome, text) | ({"kind": "alarm"} if text == alarm else {}) for text in texts],
-        "lines": [] if result.chosen is None else list(result.chosen.lines),
+        "lines": new_lines(result),
         "heads": heads(result),
         "rows": [[sentence_of(outcome, row[0]).rstrip("."), *row[1:]] for row in rows(result)],
         "runs": len(result.runs),
