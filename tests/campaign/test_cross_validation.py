@@ -18,8 +18,17 @@ from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
 from seatrial.estimation.prediction.prediction_scores import unscored
 from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement, rows
+from seatrial.messages.render import sentence
 from seatrial.messages.selection import ERROR_MODELS
-from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun, gap
+from seatrial.selection.cross_validation import (
+    OWN,
+    Candidate,
+    CrossValidation,
+    LeaveOneRunOut,
+    LeftOutRun,
+    advice_tried,
+    gap,
+)
 from seatrial.selection.structures import Structure
 from tests.campaign.small import write_small
 
@@ -120,6 +129,18 @@ def test_a_model_for_whole_runs_alone_is_recommended_for_them():
     said = complaints(found(LIKELY, closer))
     assert "simulates runs left out more closely than as stated: the CRPS of a whole run is 43% ±" in said[0]
     assert "    [estimation]" in cross_validation_lines(found(LIKELY, closer))
+
+
+def test_advice_is_tried_or_says_that_it_was_not():
+    slow = [Finding("residuals-correlated", "caution", ("u",), {}, ("drifting-noise",))]
+    (none,) = advice_tried(slow, None)
+    assert sentence(none).endswith("Try it, and a force with memory too, by `seatrial crossvalidate`")
+    drifting = candidate("M-0", (10.1, 11.2, 12.1), -60.0, (0.02, 0.02, 0.02), "drifting", ("[estimation]",))
+    (tried,) = advice_tried(slow, found(LIKELY, drifting))
+    assert '"drifting", by +0.4 ± 0.1 nats' in sentence(tried)
+    better = with_elpd(drifting, (40.0, 42.0, 41.0))
+    assert not advice_tried(slow, found(LIKELY, better))
+    assert not advice_tried(["another caution"], None)
 
 
 def test_table_has_the_weights():

@@ -106,6 +106,21 @@ ENTRIES = {
             ("take-error-model",),
         ),
     ),
+    "advice-not-tried": Entry(
+        title="Advice not tried",
+        sentence="advice to change the model of the error was not tried on runs left out",
+        meaning="Which model of the error predicts a vehicle best differs from record to record.",
+        decided="Residuals are slow or bands fail, and there is no current result of runs left out.",
+        example=Finding("advice-not-tried", "note", (), {}, ("try-error-models",)),
+    ),
+    "advice-tried": Entry(
+        title="Advice tried without gain",
+        sentence="other models of the error were tried on runs left out, and none is clearly better, so keep the present one: the best of "
+        'them is "{error_model}", by {delta:+.1f} ± {std_error:.1f} nats',
+        meaning="Advice to change the model of the error does not improve predictions of this vehicle.",
+        decided="Residuals are slow or bands fail, and no other model of the error is recommended (error-model-better).",
+        example=Finding("advice-tried", "note", (), {"error_model": "drifting", "delta": 3.0, "std_error": 12.0}),
+    ),
     "runs-in-pieces": Entry(
         title="Pieces of the same runs",
         sentence="{subject:and} are pieces of the same long runs, so that each piece knows what the others share",
@@ -144,6 +159,10 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "try-error-models": Remedy(
+        command="try it, and a force with memory too, by `seatrial crossvalidate`",
+        python="compare models of the error by `leave_one_run_out`",
+    ),
     "fit-more-runs": Remedy(command="fit {needed} runs or more: then whole runs are left out"),
     "take-error-model": Remedy(
         command="put the lines that `seatrial crossvalidate` prints into campaign.toml",

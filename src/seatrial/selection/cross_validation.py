@@ -1,12 +1,13 @@
 """Which structure, and which model of the error, predicts runs that were left out; results without JAX."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from pydantic import computed_field
 
-from seatrial.core.findings import Finding
+from seatrial.core.findings import Finding, Message
 from seatrial.core.signals import SPEEDS
 from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, Score
@@ -18,6 +19,15 @@ OWN = "as stated"  # Name of the campaign's own model of the error
 EXCLUDED = 0.05  # Probability below which the evidence excludes a structure
 SMALL_CRPS = 0.05  # Relative difference of the CRPS below which it does not matter
 MAX_RATIO = 1e3  # Relative CRPS that stands for that of a simulation without bounds
+# Findings, by their codes or remedies, that another model of the error may answer.
+ERROR_ADVICE = {
+    "bands-too-narrow",
+    "band-too-narrow",
+    "coloured-noise",
+    "drifting-noise",
+    "add-error-model",
+    "filter-error",
+}
 # Chance that a run is predicted so much better by another structure, at most, from which the one that the evidence prefers is contradicted.
 MAX_CHANCE = 0.01
 
@@ -357,3 +367,22 @@ class CrossValidation:
 def gap(one: Candidate, other: Candidate) -> Gap:
     """Return how much better the first predicts runs left out, nats."""
     return paired(*([run.elpd for run in each.result.runs] for each in (one, other)))
+
+
+def advice_tried(advised: Iterable[Message], result: CrossValidation | None) -> list[Finding]:
+    """Return whether runs left out confirm advice about the model of the error; nothing where none is given, or another one is recommended.
+
+    Args:
+        advised: findings about fits and predictions.
+        result: current one, if there is any.
+    """
+    if not any(isinstance(one, Finding) and ERROR_ADVICE & {one.code, *one.remedies} for one in advised):
+        return []
+    if result is None or result.own_best is None:
+        return [Finding("advice-not-tried", "note", (), {}, ("try-error-models",))]
+    others = [one for one in result.ordered if one.error_model != OWN]
+    if not others or any(one.code == "error-model-better" for one in result.findings):
+        return []
+    apart = gap(others[0], result.own_best)
+    values = {"error_model": others[0].error_model, "delta": apart.delta, "std_error": apart.std_error}
+    return [Finding("advice-tried", "note", (), values)]

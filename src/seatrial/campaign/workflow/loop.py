@@ -32,6 +32,7 @@ from seatrial.messages.cross_validation import complaints
 from seatrial.messages.known import known_cautions
 from seatrial.messages.render import sentences
 from seatrial.messages.structures import contenders_cautions
+from seatrial.selection.cross_validation import advice_tried
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
 
@@ -122,7 +123,9 @@ def summarise(outcome: Outcome) -> Summary:
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
     # Every surface takes its cautions from here, so that one that prints none has none further down.
-    cautions: list[Message] = [*fit_complaints(outcome.fits, outcome.pooled), *comparison_cautions(outcome.compared)]
+    failed, of_fits = held_back_alarms(outcome.fits, outcome.pooled), fit_complaints(outcome.fits, outcome.pooled)
+    cautions: list[Message] = [*of_fits, *advice_tried([*failed, *of_fits], outcome.cross_validation)]
+    cautions += comparison_cautions(outcome.compared)
     cautions += [*chosen.left_out, *chosen.cautions, *known_cautions(outcome.known)]
     cautions += selection.cautions
     cautions += [] if outcome.contenders is None else contenders_cautions(outcome.contenders, selection)
@@ -131,7 +134,6 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += held_back_cautions(campaign.imports, outcome.trials)
     cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
-    failed = held_back_alarms(outcome.fits, outcome.pooled)
     findings = accept([*failed, *(one for one in cautions if isinstance(one, Finding))], campaign.accepted)
     cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
     return Summary(
