@@ -403,6 +403,24 @@ def test_intervals_hold_where_runs_differ_or_noise_is_slow(differ, slow, narrow,
     assert np.mean(wider) >= stats.binom.ppf(0.005, 40, 0.9) / 40
 
 
+def test_a_model_of_another_motion_has_no_standard_deviation():
+    """A speed that wanders without regard to the command: each standard deviation is that of its prior."""
+    rng, u = np.random.default_rng(6), [1.5]
+    while len(u) < SAMPLES:
+        u.append(1.5 + 0.98 * (u[-1] - 1.5) + 0.1 * rng.normal())
+    record = make_trial(STEP * np.arange(SAMPLES), rng.uniform(10, 30, SAMPLES), "one", u=np.array(u))
+    priors = {"X_u": Normal(-1.2, 0.5), "X_uabsu": Normal(-3.0, 1.0), "T_nabsn": Normal(6e-4, 1e-4)}
+    priors |= {"sigma_u": LogUniform(0.002, 5.0), "u_0": Normal(1.5, 0.3)}
+    posterior = make_posterior(whole_vehicle(FIXED_HULL, tuple(TRUTH), moves=("u",)), record, priors, [Sensor("u")])
+    mode = find_mode(posterior, 0, starts=64, tries=1)
+    budget = error_budget(posterior, mode)
+    assert not budget.describes
+    for name in TRUTH:
+        away = mode.by_name[name] - priors[name].mean
+        assert budget.sd(name, 1e-6) == pytest.approx(np.hypot(priors[name].sd, away))
+        assert budget.is_prior(name, 1e-6)
+
+
 @pytest.mark.proof
 def test_slow_residuals_under_white_noise_are_seen():
     posterior = runs_of(3, count=2, slow=0.05)

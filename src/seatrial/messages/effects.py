@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
     from seatrial.estimation.diagnostics.error_budget import (
+        MAX_LEFT,
         MIN_CONTRADICTION,
         MIN_LOG_ODDS,
         MIN_SHIFT,
@@ -28,6 +29,7 @@ def thresholds() -> dict[str, float]:
         "MIN_LOG_ODDS": MIN_LOG_ODDS,
         "MIN_SLOW_RATIO": MIN_SLOW_RATIO,
         "MIN_CONTRADICTION": MIN_CONTRADICTION,
+        "MAX_LEFT": MAX_LEFT,
     }
 
 
@@ -147,6 +149,16 @@ ENTRIES = {
         example=Finding("main-error", "note", ("X_u", "T_nabsn"), {"effects": (("inertia", "X"),)}, ("weigh-vehicle",)),
         remedies=("weigh-vehicle", "calibrate-sensor", "better-noise", "add-force", "compare-runs"),
     ),
+    "model-describes-nothing": Entry(
+        title="Model describes nothing",
+        sentence="this model does not describe the vehicle: it leaves nearly the whole motion as slow residuals, so each ± is that of the "
+        "prior",
+        meaning="The coefficients are not estimated: a channel, a sign, a unit or the vehicle is not the one of the model.",
+        decided="With the best of the effects that were tried, slow residuals have more than {MAX_LEFT:.0%} of the variance of each "
+        "channel.",
+        example=Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",)),
+        remedies=("check-inputs",),
+    ),
     "input-contradicted": Entry(
         title="Input contradicted",
         sentence=_contradicted,
@@ -163,6 +175,11 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "check-inputs": Remedy(
+        command="compare channels, signs, units and times in [import], run `seatrial check`, and look at what acts on the vehicle beside "
+        "its commands",
+        python="compare channels, signs, units and times of the records, and look at what acts on the vehicle beside its commands",
+    ),
     "weigh-vehicle": Remedy(
         command="weigh the vehicle with the water in it, correct [vehicle], and set estimation.inertia_error to the error of that, such as "
         "0.01",

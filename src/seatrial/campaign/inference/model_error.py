@@ -100,8 +100,8 @@ def findings_of(posterior: Posterior, budget: ErrorBudget) -> list[Finding]:
 
 
 def contradictions(budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
-    """Return which stated inputs the data contradict."""
-    result = []
+    """Return whether the model describes the motion, and which stated inputs the data contradict."""
+    result = [] if budget.describes else [Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",))]
     for effect, (size, sd) in budget.stated.items():
         one = float(getattr(stated, effect.kind))
         if abs(size) > MIN_CONTRADICTION:
@@ -111,7 +111,9 @@ def contradictions(budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
 
 
 def _uncertain(budget: ErrorBudget) -> list[str]:
-    """Return the coefficients whose ± is not mostly noise, or much wider by slow noise."""
+    """Return the coefficients whose ± is not mostly noise, or much wider by slow noise; none of a model that describes nothing."""
+    if not budget.describes:
+        return []
     is_slow = (budget.ratio > MIN_SLOW_RATIO) & bool(budget.slow)
     chosen = (budget.shares[0] < 0.5) | is_slow
     return [name for name, is_chosen in zip(budget.names, chosen, strict=True) if is_chosen and is_coefficient(name)]

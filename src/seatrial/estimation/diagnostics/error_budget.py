@@ -85,6 +85,7 @@ MIN_SHIFT, MIN_LOG_ODDS = 1.0, 3.0
 MIN_SLOW_RATIO = 1.5  # Ratio of a standard deviation to that of white noise from which slow noise is named as its cause
 MIN_CONTRADICTION = 2.5  # Distance of a stated input from its value by the data, in stated standard deviations
 MIN_ALIKE_SHARE = 0.05  # Probability of an effect in place of the one that is found, from which it is named beside it
+MAX_LEFT = 0.8  # Share of the variance of each channel that slow residuals leave from which a model describes nothing
 MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5  # Sources named as a cause at most, and their share of what the first of them adds
 TINY = float(np.finfo(float).tiny)
 SMOOTH = "smooth force"
@@ -126,6 +127,8 @@ class ErrorBudget:
         tried: effects that were looked for; none where the likelihood has process noise, or is one's own.
         stated: of each stated source but the smooth force its value after the data and its standard deviation, over the one stated.
         slow: channels whose residuals are slow although their noise is taken as white.
+        describes: whether the best set leaves less than slow residuals of nearly the whole variance on some channel; where not, each
+            standard deviation is that of the prior.
         farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
             prior alone.
         values: at the mode, SI, shape (k,).
@@ -141,6 +144,7 @@ class ErrorBudget:
     tried: tuple[Effect, ...]
     stated: Mapping[Effect, tuple[float, float]]
     slow: tuple[str, ...]
+    describes: bool
     farthest: Float[np.ndarray, " k"]
     values: Float[np.ndarray, " k"]
     within: Float[np.ndarray, " k"]
@@ -218,7 +222,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     value, within = (np.array([one[name] for name in names]) for one in (values, sds))
     at_mode = value, within, tuple(units[name] for name in names)
     shares = np.repeat(np.array([[1.0], [0.0], [0.0], [0.0]]), len(names), 1)
-    alone = ErrorBudget(names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), farthest, *at_mode)
+    alone = ErrorBudget(
+        names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), True, farthest, *at_mode
+    )
     if not isinstance(posterior.likelihood, OutputError):
         return alone
     model, members = follow_sources(posterior, mode, stated)
@@ -245,8 +251,10 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
     slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
-    after = model.after(members[0])
-    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, after, slow, farthest, *at_mode)
+    after, describes = model.after(members[0]), model.describes(members[0], posterior.data.channels)
+    if not describes:
+        ratio = np.full(len(names), np.inf)
+    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, after, slow, describes, farthest, *at_mode)
 
 
 class Option(NamedTuple):
@@ -476,6 +484,22 @@ class LinearModel:
                 size, sd = float(member.values[at]), float(np.sqrt(member.cov[at, at]))
                 result[one.effect] = size / one.stated, sd / one.stated
         return result
+
+    def describes(self, member: Member, channels: Sequence[ChannelData]) -> bool:
+        """Whether a set leaves less than slow residuals of nearly the whole variance of some channel, about the mean of each run."""
+        k, away = len(self.moving), np.zeros(1 + len(self.moving) + self.at.sizes.size)
+        away[0], away[1 : 1 + k], away[1 + k + member.columns] = 1.0, -member.values[:k], -member.values[k:]
+        for (_, shapes), channel, (shape, _) in zip(self.channels, channels, member.noise, strict=True):
+            here, y = (np.asarray(one, float) for one in (channel.present, channel.measured))
+            mean = (here * y).sum(1, keepdims=True) / np.maximum(here.sum(1, keepdims=True), 1.0)
+            white = [i for i, one in enumerate(shapes) if one.log_sd == 0.0]
+            if (
+                not white
+                or shape in white
+                or away @ shapes[white[0]].products @ away < MAX_LEFT * np.sum(here * (y - mean) ** 2)
+            ):
+                return True
+        return False
 
 
 def noise_shapes(
