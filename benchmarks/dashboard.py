@@ -3,7 +3,7 @@
     python benchmarks/dashboard.py [--campaign outputs/remus100] [--samples 10000000] [--viewers 20]
     python benchmarks/dashboard.py --clicks                 from a click to its answer alone
 
-A copy of the campaign is served on loopback, its record and its predictions replaced by such long ones. A view counts from the
+A copy of the campaign is served on loopback, its record replaced by such a long one. A view counts from the
 request until nothing in the browser is waited for any more, a zoom from the click until the finer curves have arrived. Viewers are
 sockets as a browser opens them, and go from view to view. "CPU" is the processor time of the server and its processes, which other
 work on the machine does not lengthen.
@@ -104,24 +104,12 @@ def click(scratch: str | None) -> None:
 
 
 def lengthen(folder: Path, samples: int) -> None:
-    """Repeat the first record and its predictions until they have so many samples."""
-    store = Store(folder)
-    path = sorted((store.results / "records").glob("*.nc"))[0]
-    for file in (path, store.predictions):
-        data = open_dataset(file).to_xarray()
-        over = "time" if file == path else "sample"
-        index = np.arange(samples) % data.sizes[over]
-        longer = data.isel({over: index})
-        step = float(np.median(np.diff(data["time"].values)))
-        time_axis = np.arange(samples) * step
-        longer = (
-            longer.assign_coords(time=("time", time_axis))
-            if over == "time"
-            else longer.assign(time=("sample", time_axis))
-        )
-        if over == "sample":
-            longer["record"] = ("sample", np.zeros(samples, int))
-        write_dataset(file, longer)
+    """Repeat the first record until it has so many samples."""
+    path = sorted((Store(folder).results / "records").glob("*.nc"))[0]
+    data = open_dataset(path).to_xarray()
+    longer = data.isel(time=np.arange(samples) % data.sizes["time"])
+    step = float(np.median(np.diff(data["time"].values)))
+    write_dataset(path, longer.assign_coords(time=("time", np.arange(samples) * step)))
 
 
 def start(folder: Path, *options: str) -> tuple[subprocess.Popen, str]:
@@ -187,10 +175,7 @@ def look(address: str, samples: int, server: int) -> None:
             words = "; again ".join(
                 f"{seen:.2f} s to read, {whole:.2f} s whole, {used:.2f} s CPU" for seen, whole, used in times
             )
-            print(
-                f"{view or 'first page':<12} {words}"
-                + (f"   ({samples:,} samples)" if view in ("import", "results") else "")
-            )
+            print(f"{view or 'first page':<12} {words}" + (f"   ({samples:,} samples)" if view == "import" else ""))
         zoom(browser.new_page(), address, server)
         browser.close()
 
@@ -221,7 +206,7 @@ def zoom(page: Any, address: str, server: int) -> None:
 DRAWN = {
     "import": ".chart svg",
     "design": ".surface svg",
-    "results": '[aria-label*="measured, predicted"] svg',
+    "results": "section.report, .report section",
     "compare": "table",
     "report": '[aria-label="Simulator or format"]',
 }

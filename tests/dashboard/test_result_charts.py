@@ -1,24 +1,21 @@
-"""What charts of results show: windows of predictions, axes that hold their bars, no foreign markup."""
+"""What charts of results show: curves, legends and designs, and no foreign markup."""
 
 import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from seatrial.campaign.store.estimates import Estimate, StoredCoefficient
 from seatrial.campaign.store.stored_result import StoredResult
 from seatrial.core.dataset import Dataset
-from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
-from seatrial.dashboard import model_queries, prediction_views, result_charts, result_plots
+from seatrial.dashboard import model_queries, result_charts, result_plots
 from seatrial.dashboard.charts import Curve, Panel, TimeChart, _series, legend_lines
 from seatrial.dashboard.downsample import Envelope
 from seatrial.dashboard.pages.compare import joint_difference, side_by_side
-from seatrial.dashboard.view_models import FitAbout
 from seatrial.design.results import SweptDesigns
 from seatrial.selection.structures import Structure
 from tests.export.finished import finished
@@ -44,35 +41,6 @@ def test_a_held_control_is_drawn_as_steps_however_many_samples_a_column_has():
     assert drawn["step"] == "end"
     assert [row[1] for row in drawn["data"]] == [-1, -1, -1, 1, 1, 1, 1, -1, -1, -1]
     assert _series(Curve("u", "measured"), Envelope(np.arange(5.0), least, greatest))["step"] is False
-
-
-def test_a_window_of_a_prediction_is_that_of_the_whole(tmp_path, monkeypatch):
-    time = np.concatenate([np.arange(50) * 0.1, np.arange(80) * 0.1])
-    measured, mean = np.sin(time)[:, None], np.cos(time)[:, None]
-    rows = {"record": np.repeat([0, 1], [50, 80]), "time": time}
-    values = {"measured": measured, "mean": mean, "sd": np.full_like(mean, 0.5)}
-    data = xr.Dataset({**{k: ("row", v) for k, v in rows.items()}, **{k: (("row", "c"), v) for k, v in values.items()}})
-    write_dataset(tmp_path / "predictions.nc", data)
-    about = SimpleNamespace(records=("1", "2"), held_back=("2",), channels=("u",))
-    monkeypatch.setattr(prediction_views, "predicted", lambda _: about)
-    found = prediction_views.fit_view(tmp_path / "predictions.nc", 1, 0, 2.0, 4.0, 720)
-    inside = slice(50 + 19, 50 + 42)  # one row more at each end, as a line leaves the picture
-    assert found["mean"].time == pytest.approx(time[inside])
-    assert found["measured"].least == pytest.approx(measured[inside, 0])
-    assert found["band"].greatest - found["band"].least == pytest.approx(2 * 1.6449 * 0.5, rel=1e-4)
-    assert found["residual"].greatest == pytest.approx(((measured - mean) / 0.5)[inside, 0])
-    whole = prediction_views.fit_about(tmp_path / "predictions.nc", 1, 0)
-    assert (whole.span, whole.is_held_back) == (pytest.approx((0.0, 7.9)), True)
-
-
-@pytest.mark.parametrize("values", [[0.95, 0.6, -0.4], [-0.9, 0.5], [0.01, -0.02]])
-def test_the_axis_of_the_autocorrelation_holds_its_bars(shown, values):
-    about = FitAbout((0.0, 9.0), "u", "m/s", False, np.arange(1.0, len(values) + 1), np.array(values), 0.05)
-    ends = result_charts.correlation_chart(about, "blue")["yAxis"]
-    assert ends["min"] < min(*values, -about.white)
-    assert ends["max"] > max(*values, about.white)
-    assert not ends["axisLabel"]["showMinLabel"]
-    assert not ends["axisLabel"]["showMaxLabel"]
 
 
 def test_the_surface_leaves_out_what_breaks_a_limit_and_shows_no_foreign_markup(shown):

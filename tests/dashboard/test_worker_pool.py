@@ -85,7 +85,7 @@ def test_no_thread_watches_processes_that_were_ended():
 
 
 def test_who_reads_results_loads_neither_jax_nor_xarray():
-    kinds = "result_plots", "prediction_views", "record_views"
+    kinds = "result_plots", "record_views"
     ready = "; ".join(f"{kind}.ready()" for kind in kinds)
     code = f"import sys; from seatrial.dashboard import {', '.join(kinds)}; {ready}; print({{'jax', 'xarray'}} & {{*sys.modules}})"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"

@@ -103,11 +103,6 @@ def from_dataset(kind: type[Result], dataset: Dataset) -> Result:
     return kind(**given)
 
 
-def labels_of(kind: type) -> list[str]:
-    """Return the dimensions whose labels a type has."""
-    return [dim for hint in _hints(kind).values() if (dim := _labelled(hint)) is not None]
-
-
 def schema_of(kinds: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the JSON Schemas of types by name, as `to_plain` writes them for others, and the definitions that they share."""
     inputs = [(name, "serialization", adapter_of(kind)) for name, kind in kinds.items()]

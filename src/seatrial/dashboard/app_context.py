@@ -63,14 +63,11 @@ class AppContext:
         return await self.worker_pool.think("steps", str(folder), files=files)
 
     async def read_ahead(self, folder: Path) -> None:
-        """Have the long records and predictions of a campaign checked and indexed before anybody waits for them."""
-        store, pool = Store(folder), self.worker_pool
-        records = (pool.view, sorted((store.results / "records").glob("*.nc"))[:AHEAD])
-        for ask, paths in (records, (pool.predict, [store.predictions])):
-            for path in paths:
-                if stamp(path)[1] > LONG:
-                    with suppress(SeatrialError, OSError):  # said where it is shown
-                        await ask("read_ahead", path, files=[path])
+        """Have the long records of a campaign checked and indexed before anybody waits for them."""
+        for path in sorted((Store(folder).results / "records").glob("*.nc"))[:AHEAD]:
+            if stamp(path)[1] > LONG:
+                with suppress(SeatrialError, OSError):  # said where it is shown
+                    await self.worker_pool.view("read_ahead", path, files=[path])
 
     async def form_data(self, folder: Path) -> FormData:
         """A campaign, for the forms."""

@@ -1,28 +1,14 @@
-"""Charts of results: designs, and predictions with their residuals."""
+"""Charts of designs: what each of a grid would teach, and the control of one over time."""
 
 from collections.abc import Sequence
-from functools import partial
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import escape
 from nicegui import ui
 
-from seatrial.core.normal import Z90
-from seatrial.dashboard.app_context import AppContext
-from seatrial.dashboard.charts import (
-    Curve,
-    Panel,
-    TimeChart,
-    axis,
-    chart,
-    colour,
-    faint,
-    tooltip,
-)
-from seatrial.dashboard.view_models import FitAbout
+from seatrial.dashboard.charts import axis, chart, colour, faint, tooltip
 from seatrial.design.results import SweptDesigns
 from seatrial.report.figures.style import unit_label
 
@@ -151,69 +137,6 @@ def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) 
         ],
     }
     return chart(options, f"Control {name} of the design over time", 240)
-
-
-async def fit_charts(context: AppContext, path: Path, index: int, channel: int, about: FitAbout) -> None:
-    """Draw one channel of one record beside its prediction, its residuals below, and their autocorrelation."""
-    ask = partial(context.worker_pool.predict, "fit_view", path, index, channel, files=[path])
-    shade = "orange" if about.is_held_back else "blue"
-
-    async def view(low: float, high: float, columns: int) -> Any:
-        envelopes = await ask(low, high, columns)
-        edge = np.full_like(envelopes["residual"].time, Z90)
-        return {**envelopes, "inside": envelopes["residual"]._replace(least=-edge, greatest=edge)}
-
-    curves = (
-        Curve("band", "90 % band", shade, "band"),
-        Curve("measured", "measured", "dots", "dots"),
-        Curve("mean", "predicted", shade, "line"),
-    )
-    below = (Curve("inside", "90 % of residuals", shade, "band"), Curve("residual", "residual", "dots", "dots"))
-    panels = (Panel(about.channel, about.unit, curves, 200), Panel("residual", "sd", below, 110))
-    await TimeChart(panels, view, about.span, f"{about.channel}: measured, predicted, and residuals").build()
-    if about.lag.size:
-        correlation_chart(about, shade)
-
-
-def correlation_chart(about: FitAbout, shade: str) -> ui.echart:
-    """Draw the autocorrelation of residuals, and the band of white noise."""
-    least, greatest = float(about.correlation.min()), float(about.correlation.max())
-    reach = max(0.3, 1.1 * abs(least), 1.1 * greatest, 1.3 * about.white)
-    upward = axis(
-        "autocorrelation (modelled correlation not removed)",
-        min=-round(min(1.0, reach), 2),
-        max=round(min(1.05, reach), 2),
-        splitNumber=4,
-        nameTextStyle={"color": colour("ink"), "align": "left", "padding": [0, 0, 0, -54]},
-    )
-    # The ends are no round numbers: their labels would lie over those of the nearest ticks.
-    upward["axisLabel"] |= {"showMinLabel": False, "showMaxLabel": False}
-    options = {
-        "grid": {"left": 62, "right": 14, "top": 30, "bottom": 46},
-        "xAxis": axis("lag [s]", nameLocation="middle", nameGap=26, min=0),
-        "yAxis": upward,
-        "tooltip": tooltip(_HOVER),
-        "dataZoom": WHEEL,
-        "series": [
-            {
-                "type": "bar",
-                "name": "autocorrelation",
-                "color": colour(shade),
-                "barMaxWidth": 6,
-                "data": [[float(x), float(y)] for x, y in zip(about.lag, about.correlation, strict=True)],
-                "markArea": {
-                    "silent": True,
-                    "itemStyle": {"color": faint("muted", 25)},
-                    "data": [[{"yAxis": -about.white}, {"yAxis": about.white}]],
-                },
-            }
-        ],
-    }
-    return chart(
-        options,
-        "Autocorrelation of the residuals, before any fitted correlation is taken out; shaded: 95 % of white noise",
-        200,
-    )
 
 
 _STAR = "path://M0,-10L2.4,-3.1L9.5,-3.1L3.8,1.2L5.9,8.1L0,4L-5.9,8.1L-3.8,1.2L-9.5,-3.1L-2.4,-3.1Z"

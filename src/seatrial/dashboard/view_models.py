@@ -70,21 +70,6 @@ class AxisAbout(NamedTuple):
         return self.interval[0] < self.interval[1]
 
 
-class FitAbout(NamedTuple):
-    """One channel of one predicted record: first and last time, s, its name and unit, and the autocorrelation of its residuals.
-
-    The correlations stand at `lag`, s; those of white noise stay within `white` in 95 % of cases.
-    """
-
-    span: tuple[float, float]
-    channel: str
-    unit: str
-    is_held_back: bool
-    lag: np.ndarray
-    correlation: np.ndarray
-    white: float
-
-
 class EstimatedStructure(NamedTuple):
     """Parameters of one structure before any structure is chosen.
 

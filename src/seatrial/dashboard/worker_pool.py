@@ -1,6 +1,6 @@
-"""Work that the server itself does not do: results, predictions and records in a process each, the vehicle (with JAX) in a fourth.
+"""Work that the server itself does not do: results and records in a process each, the vehicle (with JAX) in a third.
 
-Predictions and records may be long, and are read ahead: what is short, such as a sweep of designs, does not wait for that.
+Records may be long, and are read ahead: what is short, such as a sweep of designs, does not wait for that.
 
 The server only passes answers on, so that it always has time for its viewers; answers are kept until the files change that they
 were made from.
@@ -25,7 +25,7 @@ KEPT = 400
 
 
 class WorkerPool:
-    """Four processes that answer questions, and the answers so far."""
+    """Three processes that answer questions, and the answers so far."""
 
     def __init__(self):
         self.pools: dict[str, ProcessPoolExecutor] = {}
@@ -34,10 +34,6 @@ class WorkerPool:
     async def draw(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `result_plots`; the answer is kept while the files stay as they are."""
         return await self._ask("result_plots", question, about, files)
-
-    async def predict(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
-        """Ask a function of `prediction_views`; kept likewise."""
-        return await self._ask("prediction_views", question, about, files)
 
     async def think(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `model_queries`; kept likewise."""
@@ -49,7 +45,7 @@ class WorkerPool:
 
     def warm(self) -> None:
         """Start all processes, so that the first viewer does not wait for what they import."""
-        for pool in ("result_plots", "record_views", "prediction_views", "model_queries"):
+        for pool in ("result_plots", "record_views", "model_queries"):
             self._submit(pool, "ready", ())
 
     def close(self) -> None:
@@ -109,8 +105,6 @@ def answered(pool: str, question: str, *about: Any) -> Any:
             from seatrial.dashboard import result_plots as answers
         case "record_views":
             from seatrial.dashboard import record_views as answers
-        case "prediction_views":
-            from seatrial.dashboard import prediction_views as answers
         case _:
             from seatrial.dashboard import model_queries as answers
     try:

@@ -25,7 +25,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on, open_regular, read_bytes, set_aside, sha256_of_json, write_json
 from seatrial.core.record import Record
 from seatrial.core.record_file import read_record, record_dataset
-from seatrial.core.serialise import from_dataset, from_plain, labels_of, to_dataset, to_plain
+from seatrial.core.serialise import from_dataset, from_plain, to_dataset, to_plain
 
 # Format of results on disk: raise it when a type of `StoredResult` changes, so that what was written before is made
 # again. Records have a format of their own.
@@ -256,29 +256,14 @@ def read_result(kind: type[Result], path: Path, command: str) -> Result:
     if kind is Record:
         return cast(Result, read_record(path))
     if path.suffix != ".json":
-        return _from_dataset(kind, open_dataset(path), path, command)
+        dataset = open_dataset(path)
+        _check_format(dataset.attrs.get("format"), path, command)
+        with decoding(path, command):
+            return cast(Result, dataset) if kind is Dataset else from_dataset(kind, dataset)
     content = read_json(path, command)
     _check_format(content.get("format"), path, command)
     with decoding(path, command):
         return from_plain(kind, content)
-
-
-def read_header(kind: type[Result], path: Path, command: str) -> Result:
-    """Read of a result in NetCDF what is no array, however long its curves are: its `data` is empty. Arguments as `read_result`."""
-    with stored(path) as file:
-        attrs = {
-            name: text_of(value) if isinstance(value, bytes | str) else value for name, value in file.attrs.items()
-        }
-        labels = {
-            dim: [text_of(name) for name in np.asarray(file[dim]).tolist()] for dim in labels_of(kind) if dim in file
-        }
-    return _from_dataset(kind, Dataset(coords=labels, attrs=attrs), path, command)
-
-
-def _from_dataset(kind: type[Result], dataset: Dataset, path: Path, command: str) -> Result:
-    _check_format(dataset.attrs.get("format"), path, command)
-    with decoding(path, command):
-        return cast(Result, dataset) if kind is Dataset else from_dataset(kind, dataset)
 
 
 def _check_format(written: Any, path: Path, command: str) -> None:

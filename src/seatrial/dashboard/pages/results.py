@@ -1,4 +1,4 @@
-"""What the data say: the sections of the report, with each fit as a chart that zooms; before a model is chosen, the estimates."""
+"""What the data say: the sections of the report; before a model is chosen, the estimates."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -9,7 +9,6 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.store.estimates import StoredMode
-from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.summary import NextTrial
@@ -18,8 +17,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
-from seatrial.dashboard.page_layout import LOOK, link, links_html, section, table
-from seatrial.dashboard.result_charts import fit_charts
+from seatrial.dashboard.page_layout import link, links_html, section, table
 from seatrial.dashboard.view_models import EstimatedStructure
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.report.labels import label_html, sentence_html
@@ -46,11 +44,10 @@ async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     store = Store(folder)
     await _currency(context, campaign, folder)
     asked = context.worker_pool.draw("report_sections", store.report, files=[store.report])
-    shown = partial(_sections, context, campaign, folder)
-    await fill(ui.element("div"), asked, shown, "reading the report …")
+    await fill(ui.element("div"), asked, partial(_sections, campaign, folder), "reading the report …")
 
 
-async def _sections(context: AppContext, campaign: str, folder: Path, sections: dict[str, str]) -> None:
+def _sections(campaign: str, folder: Path, sections: dict[str, str]) -> None:
     store = Store(folder)
     for name, html in sections.items():
         with ui.element("div").classes("report"):
@@ -58,11 +55,9 @@ async def _sections(context: AppContext, campaign: str, folder: Path, sections: 
         if name == "summary":
             markup(links_html([(link("model", campaign), "Change the noise or the terms")]))
         elif name == "fit":
-            with section(
-                "Fit and residuals over time",
-                "Raw data, downsampled, spikes kept; line and 90 % band: predicted from the inputs alone. Wheel, drag or buttons zoom.",
-            ):
-                await _fits(context, store)
+            markup(
+                links_html([(link("import", campaign), "Zoom into the records, with the predictions of any structure")])
+            )
         elif name == "next":
             try:
                 markup(next_links(campaign, store, Results(folder).summary().next_trial))
@@ -176,32 +171,3 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
         return change_of(folder), context.look(folder).running
 
     await keep_current(ui.element("div"), seen, show)
-
-
-async def _fits(context: AppContext, store: Store) -> None:
-    path = store.predictions
-    if not path.is_file():
-        markup("<p>No predictions yet.</p>")
-        return
-    holder = ui.element("div")
-
-    def build(predictions: Predictions) -> Any:
-        curves = {
-            f"{i}/{j}": f"run {record}, {channel}{' (held back)' if record in predictions.held_back else ''}"
-            for i, record in enumerate(predictions.records)
-            for j, channel in enumerate(predictions.channels)
-        }
-
-        async def show(which: str) -> None:
-            pictures.clear()
-            record, channel = map(int, which.split("/"))
-            asked = context.worker_pool.predict("fit_about", path, record, channel, files=[path])
-            await fill(pictures, asked, lambda about: fit_charts(context, path, record, channel, about), "reading …")
-
-        if len(curves) > 1:
-            form = ui.select(curves, value="0/0", label="Record and channel").props(LOOK).classes("wide")
-            form.on_value_change(lambda event: show(event.value))
-        pictures = ui.element("div")
-        return show("0/0")
-
-    await fill(holder, context.worker_pool.predict("predicted", path, files=[path]), build)
