@@ -118,8 +118,8 @@ def held_back() -> None:
     place = np.arange(len(rows))[::-1]
     for cells, marker, label in (
         ([bands.get(row[0], "nan") for row in rows], "o", "new samples in their 90 % band"),
-        ([row[2] for row in rows], "s", "coefficients in the interval of the model"),
-        ([row[5] for row in rows], "d", "in the interval with all errors"),
+        ([row[2] for row in rows], "s", "coefficients within the model's ±"),
+        ([row[5] for row in rows], "d", "coefficients within the one ±"),
     ):
         shares = [float(cell.split("%")[0]) for cell in cells]
         axes.plot(
@@ -128,11 +128,12 @@ def held_back() -> None:
             marker,
             color="black" if marker == "o" else BLUE,
             mfc="none" if marker == "d" else None,
+            clip_on=False,
             label=label,
         )
     axes.axvline(90, color=GREY, linewidth=0.8)
     axes.set(yticks=place, yticklabels=[row[0] for row in rows], xlabel="%", ylabel="the model lacks", xlim=(0, 103))
-    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.4, 1))
+    axes.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.3, 1))
     _save(figure, "held-back")
 
 
