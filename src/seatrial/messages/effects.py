@@ -42,7 +42,6 @@ MEASURES = {
     "thrust loss": ", by a share of about",
     "start": ", by about",
     "clock": ", by about",
-    "smooth force": ", over the force that the model has there about",
 }
 
 
@@ -79,12 +78,14 @@ def _missing(values: Mapping[str, Any]) -> str:
     alike = f" (or {effect_names(values['alike'])}: the data cannot separate them)" if values["alike"] else ""
     error = f" ± {values['sd']:.1g}" if values["sd"] else ""  # a force of many columns has no one size
     size = f"{values['size']:.2g}{error} {values['unit']}".removesuffix(" 1")
-    ((kind, _),) = values["effects"]
-    missing = f"{effect_names(values['effects'])}{MEASURES.get(kind, ' of about')} {size}"
-    return (
-        f"the model lacks {missing}{alike}: with it {{subject[0]}} would move by {abs(values['shift']):.2g} standard deviations of noise, "
-        "which its ± contains"
-    )
+    ((kind, of),) = values["effects"]
+    if kind == "smooth force":
+        missing = f"forces along {of} depart from their formulas by about {percent(values['size'])}{alike}: with that"
+    else:
+        missing = (
+            f"the model lacks {effect_names(values['effects'])}{MEASURES.get(kind, ' of about')} {size}{alike}: with it"
+        )
+    return f"{missing} {{subject[0]}} would move by {abs(values['shift']):.2g} standard deviations of noise, which its ± contains"
 
 
 def _main(values: Mapping[str, Any]) -> str:

@@ -52,5 +52,7 @@ def noise_words(campaign: Campaign, estimate: Drawn) -> str:
     for name, sd in residual_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)
         if not nominal / TOLD < sd < nominal * TOLD:
-            differing.append(f"{sd * factor:.2g} {unit} on {name} ([sensors]: {nominal * factor:.2g} {unit})")
+            differing.append(
+                f"{sd * factor:.2g} {unit} on {name}, as white noise ([sensors]: {nominal * factor:.2g} {unit})"
+            )
     return f"computed with the noise found in the fit, {listed(differing)}" if differing else ""

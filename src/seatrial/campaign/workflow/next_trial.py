@@ -239,8 +239,8 @@ def _gain_words(gain: float, count: int) -> str:
     """
     times = f"{np.exp(gain / count):.2g} times"
     if count == 1:
-        return f"it shrinks the uncertainty of the coefficient {times} ({gain:.2f} nat)"
-    return f"it shrinks the uncertainty of each coefficient about {times} on average (geometric mean of {count}; {gain:.2f} nat)"
+        return f"it shrinks the ± of the coefficient by noise alone {times} ({gain:.2f} nat)"
+    return f"it shrinks the ± of a coefficient by noise alone about {times} on average (geometric mean of {count}; {gain:.2f} nat)"
 
 
 def _noise(outcome: Outcome) -> str:
@@ -332,5 +332,5 @@ def _run(
         for name, sd in after.items()
         if (one := known.get(name)) is not None
     )
-    expected = (f"expected: {shrink}", *((noise,) if noise else ()))
+    expected = (f"expected ± with every error: {shrink}", *((noise,) if noise else ()))
     return Proposal(chosen, standing, (f"run a {words}", promise), expected)
