@@ -76,7 +76,8 @@ def to_arviz(
             remedy="write to_arviz(draws, posterior, records), or leave "
             + ("the records out" if given else "log_likelihood out"),
         )
-    places = _places(result, n)
+    chains, kept = result.log_density.shape
+    places = np.arange(0, kept, max(1, kept * chains // n))
     if log_likelihood:
         groups["log_likelihood"] = Dataset(_log_likelihood(result, posterior, given, places))
     for record in given:
@@ -96,12 +97,6 @@ def _parts(result: Draws | Estimate) -> tuple[Sequence[str], Sequence[str], np.n
     check_kind(result, Draws, "result", "draw with `sample`, or give an estimate of a campaign")
     told = {"acceptance_rate": result.acceptance, "divergences": result.divergences}
     return result.names, result.units, result.values, result.log_density, told
-
-
-def _places(draws: Draws, n: int) -> np.ndarray:
-    """Return which draws of every chain make up about n, spread evenly."""
-    chains, kept = draws.log_density.shape
-    return np.arange(0, kept, max(1, kept * chains // n))
 
 
 def _of_record(

@@ -10,7 +10,6 @@ never taken for one in rad/s. Expressions are read by a small grammar:
 import difflib
 import re
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite, pi, prod
@@ -226,16 +225,12 @@ def _unit(text: str) -> ParsedUnit:
     factor = prod(_FACTORS[name] ** power for name, power in powers.items())
     if not 0 < factor < inf:
         raise ValueError(text)
-    return ParsedUnit(factor, _dimensions(powers))
-
-
-def _dimensions(powers: Mapping[str, int]) -> tuple[tuple[str, int], ...]:
-    """Powers of dimensions from those of units, by name; those that cancel are left out."""
+    # Powers of dimensions from those of units; those that cancel are left out.
     dimensions: dict[str, int] = {}
     for name, power in powers.items():
         for dimension, each in _POWERS[name].items():
             dimensions[dimension] = dimensions.get(dimension, 0) + power * each
-    return tuple(sorted((dimension, power) for dimension, power in dimensions.items() if power))
+    return ParsedUnit(factor, tuple(sorted((dimension, power) for dimension, power in dimensions.items() if power)))
 
 
 def _tokens(text: str) -> deque[str]:

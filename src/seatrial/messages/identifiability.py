@@ -74,7 +74,7 @@ def invisible_change(item: Invisible) -> str:
 
 
 def _practical(result: Identifiability) -> list[str]:
-    lines, verb = [], _verb(result)
+    lines, verb = [], {"before": "would be", "after": "is"}[result.stage]
     for i, (name, value, sd, share) in enumerate(
         zip(result.names, result.values, result.sd, result.contraction, strict=True)
     ):
@@ -115,10 +115,6 @@ def precision(item: Combination) -> str:
     """Return how well a combination is known: in percent where that says more than the number itself."""
     size = measured(item.value, item.sd, item.unit)
     return f"to {percent(item.relative_sd)} ({size})" if item.relative_sd < 0.3 else f"as {size}"
-
-
-def _verb(result: Identifiability) -> str:
-    return {"before": "would be", "after": "is"}[result.stage]
 
 
 def _measured(result: Identifiability, i: int) -> str:

@@ -38,7 +38,8 @@ class Digits(NamedTuple):
             return DASH
         if self.decimals is None:
             return _significant(value / 10.0**self.exponent, 4)[0]
-        return _fixed(value, self.exponent, self.decimals)
+        text = f"{value / 10.0**self.exponent:.{self.decimals}f}"
+        return _minus(text.lstrip("-") if float(text) == 0 else text)
 
     def pair(self, value: float, sd: float) -> str:
         """Write a value with its standard deviation, without their power of ten."""
@@ -151,11 +152,6 @@ def _significant(value: float, digits: int) -> tuple[str, int]:
     scaled = value / 10.0**exponent
     size = 0 if scaled == 0 else floor(log10(abs(float(f"{scaled:.{digits - 1}e}"))))
     return _minus(f"{scaled:.{max(0, digits - 1 - size)}f}"), exponent
-
-
-def _fixed(value: float, exponent: int, decimals: int) -> str:
-    text = f"{value / 10.0**exponent:.{decimals}f}"
-    return _minus(text.lstrip("-") if float(text) == 0 else text)
 
 
 def _minus(text: str) -> str:

@@ -67,7 +67,10 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
     """
     actuators = dict(actuators)
     for name, actuator in actuators.items():
-        _check(model, name, actuator)
+        place = f'vehicle "{model.name}", actuator {name}'
+        if name not in model.controls:
+            raise not_among(place, name, model.controls, found="no such control")
+        check_kind(actuator, Actuator, place, remedy="write for example Actuator(0.5)")
     lagging = tuple(name for name in model.controls if name in actuators and actuators[name].time_constant > 0)
     count = len(model.states)
 
@@ -150,10 +153,3 @@ def _after(actuator: Actuator, command: Any, before: Any, time_constant: Any, ti
     size = jnp.abs(rest)
     ramp = jnp.clip(size / actuator.rate - time_constant, 0.0, time)
     return target + jnp.sign(rest) * (size - actuator.rate * ramp) * jnp.exp(-(time - ramp) / time_constant)
-
-
-def _check(model: VehicleModel, name: str, actuator: Actuator) -> None:
-    place = f'vehicle "{model.name}", actuator {name}'
-    if name not in model.controls:
-        raise not_among(place, name, model.controls, found="no such control")
-    check_kind(actuator, Actuator, place, remedy="write for example Actuator(0.5)")

@@ -2,8 +2,6 @@
 
 A step is given the same things to make its result and to find its key, so that no result outlives what it was made from: a key is made
 of the campaign file and of the keys of what the step needs.
-
-Each step imports its work when it is first asked for, since most bring libraries that others do not need.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -69,7 +67,6 @@ class Step:
     Attributes:
         name: of its result.
         needs: what it is given: results of other steps, `campaign`, `reporter`, or a setting of the call.
-        load: imports its functions.
         files: pattern of what it stores, below `results`; empty where that is nothing.
         listed: its name where a campaign's standing is shown; empty where it is not shown.
         command: that makes it current.
@@ -77,7 +74,6 @@ class Step:
 
     name: str
     needs: tuple[str, ...]
-    load: Callable[[], Work]
     files: str = ""
     listed: str = ""
     command: str = ""
@@ -85,7 +81,7 @@ class Step:
     @property
     def work(self) -> Work:
         """Its functions."""
-        return self.load()
+        return work_of(self.name)
 
 
 class Workflow:
@@ -151,7 +147,7 @@ class Workflow:
         return [self.seen(need) for need in step.needs if need != "reporter"]
 
 
-# The work of the steps of the loop.
+# The work of the steps whose keys are found otherwise than by what they need.
 
 
 def _first() -> Work:
@@ -192,14 +188,6 @@ def _trials() -> Work:
     return Work(get_trials, stored, seen)
 
 
-def _screening() -> Work:
-    from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening
-
-    return Work(
-        screening_of, lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else []
-    )
-
-
 def _candidates() -> Work:
     """Return the campaign with what a screening has left of its structures."""
     from seatrial.campaign.selection.screening import stored_screening, with_shortlist
@@ -233,55 +221,6 @@ def _selection() -> Work:
     return Work(select_structure, lambda campaign, trials: [stored_selection(campaign, trials)], seen)
 
 
-def _known() -> Work:
-    from seatrial.campaign.inference.identifiability import known_after, stored_known_after
-
-    return Work(known_after, lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)])
-
-
-def _promised() -> Work:
-    from seatrial.campaign.inference.identifiability import known_before, stored_known_before
-
-    return Work(
-        lambda campaign, first: None if first is None else known_before(campaign, first.best),
-        lambda campaign, first: [] if campaign.trial_design is None else [stored_known_before(campaign)],
-    )
-
-
-def _filter() -> Work:
-    from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
-
-    return Work(trace_filter, lambda campaign, full, trials: [stored_filter(campaign, full)])
-
-
-def _predictions() -> Work:
-    from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
-
-    return Work(predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign.folder, chosen, trials)])
-
-
-def _baselines() -> Work:
-    from seatrial.campaign.inference.baselines import fit_all_baselines, stored_baselines
-
-    return Work(
-        fit_all_baselines,
-        lambda campaign, trials: (
-            [stored_baselines(campaign, trials)] if campaign.imports and campaign.imports.predict else []
-        ),
-    )
-
-
-def _next() -> Work:
-    from seatrial.campaign.design.sweep import design_next, stored_next
-
-    return Work(
-        lambda campaign, chosen, reporter: (
-            None if campaign.trial_design is None else design_next(campaign, chosen, reporter)
-        ),
-        lambda campaign, chosen: [] if campaign.trial_design is None else [stored_next(campaign, chosen)],
-    )
-
-
 def _contenders() -> Work:
     from seatrial.campaign.inference.estimate import estimate_key
     from seatrial.campaign.selection.runner_up import contending, find_contenders, stored_contenders
@@ -295,102 +234,141 @@ def _contenders() -> Work:
     return Work(find_contenders, stored)
 
 
-# The work of the steps beside the loop.
+def work_of(name: str) -> Work:
+    """Return the functions of a step, imported when it is first asked for, since most bring libraries that others do not need."""
+    match name:
+        case "first":
+            return _first()
+        case "trials":
+            return _trials()
+        case "screening":
+            from seatrial.campaign.selection.screening import can_be_screened, screening_of, stored_screening
 
+            return Work(
+                screening_of,
+                lambda campaign, trials: [stored_screening(campaign, trials)] if can_be_screened(campaign) else [],
+            )
+        case "candidates":
+            return _candidates()
+        case "estimates":
+            return _estimates()
+        case "selection":
+            return _selection()
+        case "chosen":
+            return Work(lambda estimates, selection: estimates[selection.chosen])
+        case "full":
+            return Work(lambda estimates: estimates[0])
+        case "known":
+            from seatrial.campaign.inference.identifiability import known_after, stored_known_after
 
-def _prior() -> Work:
-    from seatrial.campaign.prior.predictive import predict_from_prior
+            return Work(known_after, lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)])
+        case "promised":
+            from seatrial.campaign.inference.identifiability import known_before, stored_known_before
 
-    return Work(predict_from_prior)
+            return Work(
+                lambda campaign, first: None if first is None else known_before(campaign, first.best),
+                lambda campaign, first: [] if campaign.trial_design is None else [stored_known_before(campaign)],
+            )
+        case "filter":
+            from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
 
+            return Work(trace_filter, lambda campaign, full, trials: [stored_filter(campaign, full)])
+        case "predictions":
+            from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
 
-def _design() -> Work:
-    from seatrial.campaign.design.sweep import design_first, stored_first
+            return Work(
+                predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign.folder, chosen, trials)]
+            )
+        case "baselines":
+            from seatrial.campaign.inference.baselines import fit_all_baselines, stored_baselines
 
-    return Work(design_first, lambda campaign: [stored_first(campaign)])
+            return Work(
+                fit_all_baselines,
+                lambda campaign, trials: (
+                    [stored_baselines(campaign, trials)] if campaign.imports and campaign.imports.predict else []
+                ),
+            )
+        case "next":
+            from seatrial.campaign.design.sweep import design_next, stored_next
 
+            return Work(
+                lambda campaign, chosen, reporter: (
+                    None if campaign.trial_design is None else design_next(campaign, chosen, reporter)
+                ),
+                lambda campaign, chosen: [] if campaign.trial_design is None else [stored_next(campaign, chosen)],
+            )
+        case "contenders":
+            return _contenders()
+        case "prior":
+            from seatrial.campaign.prior.predictive import predict_from_prior
 
-def _own() -> Work:
-    from seatrial.campaign.design.searches import evaluate_own_schedule, stored_own
+            return Work(predict_from_prior)
+        case "design":
+            from seatrial.campaign.design.sweep import design_first, stored_first
 
-    return Work(
-        evaluate_own_schedule,
-        lambda campaign: [] if (own := campaign.own_schedule) is None else [stored_own(campaign, own)],
-    )
+            return Work(design_first, lambda campaign: [stored_first(campaign)])
+        case "own":
+            from seatrial.campaign.design.searches import evaluate_own_schedule, stored_own
 
+            return Work(
+                evaluate_own_schedule,
+                lambda campaign: [] if (own := campaign.own_schedule) is None else [stored_own(campaign, own)],
+            )
+        case "free_form":
+            from seatrial.campaign.design.searches import design_free_trial, stored_free_trial
 
-def _free_form() -> Work:
-    from seatrial.campaign.design.searches import design_free_trial, stored_free_trial
+            return Work(design_free_trial, lambda campaign, levels: [stored_free_trial(campaign, levels)])
+        case "relay":
+            from seatrial.campaign.design.searches import design_relay_trial, stored_relay
 
-    return Work(design_free_trial, lambda campaign, levels: [stored_free_trial(campaign, levels)])
+            return Work(design_relay_trial, lambda campaign: [stored_relay(campaign)])
+        case "searched":
+            from seatrial.campaign.design.searches import search_design, stored_search
 
+            return Work(search_design, lambda campaign, budget: [stored_search(campaign, budget)])
+        case "measures":
+            from seatrial.campaign.design.searches import compare_measures, stored_measures
 
-def _relay() -> Work:
-    from seatrial.campaign.design.searches import design_relay_trial, stored_relay
+            return Work(compare_measures, lambda campaign, designs: [stored_measures(campaign, designs)])
+        case "batch":
+            from seatrial.campaign.design.searches import plan_together
 
-    return Work(design_relay_trial, lambda campaign: [stored_relay(campaign)])
+            return Work(plan_together)
+        case "plan":
+            from seatrial.campaign.design.plan import plan_trials
 
+            return Work(plan_trials)
+        case "sensors":
+            from seatrial.campaign.design.searches import sensor_table
 
-def _searched() -> Work:
-    from seatrial.campaign.design.searches import search_design, stored_search
+            return Work(sensor_table)
+        case "rehearsal":
+            from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
 
-    return Work(search_design, lambda campaign, budget: [stored_search(campaign, budget)])
+            return Work(rehearse, lambda campaign, vehicles: [stored_rehearsal(campaign)])
+        case "profiles":
+            from seatrial.campaign.inference.profile import profile_all, stored_profiles
 
+            return Work(profile_all, lambda campaign, trials, parameters: [stored_profiles(campaign, trials)])
+        case "criteria":
+            from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
 
-def _measures() -> Work:
-    from seatrial.campaign.design.searches import compare_measures, stored_measures
+            return Work(
+                criteria_all,
+                lambda campaign, estimates, *_: [stored_criteria(campaign.folder, one) for one in estimates],
+            )
+        case "cross_validation":
+            from seatrial.campaign.inference.cross_validation import cross_validate, stored_cross_validation
 
-    return Work(compare_measures, lambda campaign, designs: [stored_measures(campaign, designs)])
+            return Work(cross_validate, lambda campaign, trials: [stored_cross_validation(campaign, trials)])
+        case "calibration":
+            from seatrial.campaign.inference.calibration import calibrate, stored_calibration
 
-
-def _batch() -> Work:
-    from seatrial.campaign.design.searches import plan_together
-
-    return Work(plan_together)
-
-
-def _plan() -> Work:
-    from seatrial.campaign.design.plan import plan_trials
-
-    return Work(plan_trials)
-
-
-def _sensors() -> Work:
-    from seatrial.campaign.design.searches import sensor_table
-
-    return Work(sensor_table)
-
-
-def _rehearsal() -> Work:
-    from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
-
-    return Work(rehearse, lambda campaign, vehicles: [stored_rehearsal(campaign)])
-
-
-def _profiles() -> Work:
-    from seatrial.campaign.inference.profile import profile_all, stored_profiles
-
-    return Work(profile_all, lambda campaign, trials, parameters: [stored_profiles(campaign, trials)])
-
-
-def _criteria() -> Work:
-    from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
-
-    return Work(
-        criteria_all, lambda campaign, estimates, *_: [stored_criteria(campaign.folder, one) for one in estimates]
-    )
-
-
-def _cross_validation() -> Work:
-    from seatrial.campaign.inference.cross_validation import cross_validate, stored_cross_validation
-
-    return Work(cross_validate, lambda campaign, trials: [stored_cross_validation(campaign, trials)])
-
-
-def _calibration() -> Work:
-    from seatrial.campaign.inference.calibration import calibrate, stored_calibration
-
-    return Work(calibrate, lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)])
+            return Work(
+                calibrate, lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)]
+            )
+        case _:
+            raise KeyError(name)
 
 
 def _hash_of(path: Path) -> str:
@@ -410,60 +388,39 @@ def _hashed(path: Path, size: int, changed: int) -> str:
 
 # Steps of the whole loop, in the order in which they are made
 LOOP = (
-    Step("first", ("campaign", "reporter"), _first, "design.nc", listed="design", command="design"),
-    Step("trials", ("campaign", "reporter"), _trials, "records/*.nc", listed="records", command="import"),
-    Step("screening", ("campaign", "trials", "reporter"), _screening, "screening.nc"),
-    Step("candidates", ("campaign", "trials", "reporter"), _candidates, "screening.nc"),
-    Step(
-        "estimates",
-        ("candidates", "trials", "reporter"),
-        _estimates,
-        "posterior/*.nc",
-        listed="estimate",
-        command="estimate",
-    ),
-    Step(
-        "selection",
-        ("candidates", "trials", "reporter"),
-        _selection,
-        "selection.json",
-        listed="select",
-        command="select",
-    ),
-    Step("chosen", ("estimates", "selection"), lambda: Work(lambda estimates, selection: estimates[selection.chosen])),
-    Step("full", ("estimates",), lambda: Work(lambda estimates: estimates[0])),
-    Step("known", ("candidates", "chosen", "trials"), _known, "known/*.json"),
-    Step("promised", ("campaign", "first"), _promised, "known/design.json"),
-    Step("filter", ("candidates", "full", "trials"), _filter, "filter.nc"),
-    Step(
-        "predictions",
-        ("candidates", "chosen", "trials"),
-        _predictions,
-        "predictions.nc",
-        listed="predict",
-        command="run",
-    ),
-    Step("baselines", ("campaign", "trials", "reporter"), _baselines, "baselines.nc"),
-    Step("next", ("candidates", "chosen", "reporter"), _next, "next.nc", listed="next", command="next"),
-    Step("contenders", ("candidates", "selection", "trials", "reporter"), _contenders, "contenders.json"),
+    Step("first", ("campaign", "reporter"), "design.nc", listed="design", command="design"),
+    Step("trials", ("campaign", "reporter"), "records/*.nc", listed="records", command="import"),
+    Step("screening", ("campaign", "trials", "reporter"), "screening.nc"),
+    Step("candidates", ("campaign", "trials", "reporter"), "screening.nc"),
+    Step("estimates", ("candidates", "trials", "reporter"), "posterior/*.nc", listed="estimate", command="estimate"),
+    Step("selection", ("candidates", "trials", "reporter"), "selection.json", listed="select", command="select"),
+    Step("chosen", ("estimates", "selection")),
+    Step("full", ("estimates",)),
+    Step("known", ("candidates", "chosen", "trials"), "known/*.json"),
+    Step("promised", ("campaign", "first"), "known/design.json"),
+    Step("filter", ("candidates", "full", "trials"), "filter.nc"),
+    Step("predictions", ("candidates", "chosen", "trials"), "predictions.nc", listed="predict", command="run"),
+    Step("baselines", ("campaign", "trials", "reporter"), "baselines.nc"),
+    Step("next", ("candidates", "chosen", "reporter"), "next.nc", listed="next", command="next"),
+    Step("contenders", ("candidates", "selection", "trials", "reporter"), "contenders.json"),
 )
 # Steps that are made when they are asked for
 OTHER_STEPS = (
-    Step("prior", ("campaign", "reporter"), _prior),
-    Step("design", ("campaign", "reporter"), _design, "design.nc"),
-    Step("own", ("campaign", "reporter"), _own, "own.json"),
-    Step("free_form", ("campaign", "levels", "reporter"), _free_form, "free_form.json"),
-    Step("relay", ("campaign", "reporter"), _relay, "self_oscillation.json"),
-    Step("searched", ("campaign", "budget", "reporter"), _searched, "searched.json"),
-    Step("measures", ("campaign", "designs", "reporter"), _measures, "measures.nc"),
-    Step("batch", ("campaign", "together", "reporter"), _batch),
-    Step("plan", ("campaign", "so_far", "reporter"), _plan),
-    Step("sensors", ("campaign", "reporter"), _sensors),
-    Step("rehearsal", ("campaign", "vehicles", "reporter"), _rehearsal, "rehearsal.nc"),
-    Step("profiles", ("campaign", "trials", "parameters", "reporter"), _profiles, "profiles/*.json"),
-    Step("criteria", ("candidates", "estimates", "trials", "reporter"), _criteria, "criteria/*.json"),
-    Step("cross_validation", ("candidates", "trials", "reporter"), _cross_validation, "cross_validation.json"),
-    Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), _calibration, "calibration-*.nc"),
+    Step("prior", ("campaign", "reporter")),
+    Step("design", ("campaign", "reporter"), "design.nc"),
+    Step("own", ("campaign", "reporter"), "own.json"),
+    Step("free_form", ("campaign", "levels", "reporter"), "free_form.json"),
+    Step("relay", ("campaign", "reporter"), "self_oscillation.json"),
+    Step("searched", ("campaign", "budget", "reporter"), "searched.json"),
+    Step("measures", ("campaign", "designs", "reporter"), "measures.nc"),
+    Step("batch", ("campaign", "together", "reporter")),
+    Step("plan", ("campaign", "so_far", "reporter")),
+    Step("sensors", ("campaign", "reporter")),
+    Step("rehearsal", ("campaign", "vehicles", "reporter"), "rehearsal.nc"),
+    Step("profiles", ("campaign", "trials", "parameters", "reporter"), "profiles/*.json"),
+    Step("criteria", ("candidates", "estimates", "trials", "reporter"), "criteria/*.json"),
+    Step("cross_validation", ("candidates", "trials", "reporter"), "cross_validation.json"),
+    Step("calibration", ("campaign", "trials", "replicates", "method", "reporter"), "calibration-*.nc"),
 )
 STEPS = {step.name: step for step in (*LOOP, *OTHER_STEPS)}
 

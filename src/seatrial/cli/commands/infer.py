@@ -39,7 +39,9 @@ def estimate(
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         _refuse_window(by, window)
-        seconds = _seconds(window, "--window")
+        from seatrial.core.units import quantity
+
+        seconds = None if window is None else quantity(window, "s", "--window")
         if by is By.CHAINS:
             return _by_chains(campaign, reporter, answer)
         return _first_answers(campaign, reporter, answer, by, seconds)
@@ -306,13 +308,6 @@ def _judge_unseen(
         one.among(structure=which) for one in failed
     ]
     return alarms, [f"{which}, {text}" for text in comparison_cautions(compared)]
-
-
-def _seconds(text: str | None, option: str) -> float | None:
-    """A time of the command line in seconds."""
-    from seatrial.core.units import quantity
-
-    return None if text is None else quantity(text, "s", option)
 
 
 def _refuse_window(by: By, window: str | None) -> None:
