@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.design.cost import PropellerPower, in_joules
 from seatrial.design.free_form import design_free_form
 from seatrial.design.free_form_objective import (
     utilities,
@@ -60,12 +59,12 @@ POINTS = np.array([TRUTH[name] for name in SCALE if name in TRUTH]) * np.array(
 )
 
 
-COST = in_joules(1.0, PropellerPower(10.0, N0), fixed=5.0)
-
-
-def joules(control):
-    """What a trial of one minute takes, written out: 665 J at trim."""
-    return 5.0 + 60.0 * np.mean(1.0 + 10.0 * (control / N0) ** 3)
+def some_starts(problem, halves=(5, 10), seed=0):
+    """Square waves between the bounds whose halves have so many levels, and two random binary inputs."""
+    m, rng = problem.form.size, np.random.default_rng(seed)
+    sides = {f"halves of {half}": np.arange(m) // half % 2 == 0 for half in halves}
+    sides |= {f"random {i + 1}": rng.random(m) < 0.5 for i in range(2)}
+    return {name: np.where(side, problem.ends[1], problem.ends[0]) for name, side in sides.items()}
 
 
 def test_utility_is_that_of_the_information_at_every_point():
@@ -96,9 +95,7 @@ def test_gradient_against_differences_whatever_the_blocks(block):
 
 
 def test_course_against_a_plain_loop_and_its_slope_against_differences():
-    problem = surge_problem(
-        points=POINTS, motion=(MotionLimit("u", upper=9.0), MotionLimit("distance", upper=1e3)), cost=COST, budget=1e9
-    )
+    problem = surge_problem(points=POINTS, motion=(MotionLimit("u", upper=9.0), MotionLimit("distance", upper=1e3)))
     setup, watched, x = problem.setup(), problem.watched(), np.random.default_rng(2).uniform(-1, 1, 20)
     kept = jnp.array([True, True, False])
     found = worst_course(setup, watched, jnp.asarray(x), kept, problem.block)
@@ -114,7 +111,6 @@ def test_course_against_a_plain_loop_and_its_slope_against_differences():
     # The trapezoidal rule misses the curvature of the speed, of the order of 1 m/s over 3 s squared, by 60 * 0.25^2 / 12 of it.
     travelled = max(np.trapezoid(one, dx=0.25) for one in speed)
     assert float(found.highest[-1, 1]) == pytest.approx(travelled, abs=0.03)
-    assert float(found.spent) == pytest.approx(joules(2 * np.pi * rev_per_s), rel=1e-12)
     slope = worst_course_slope(setup, watched, jnp.asarray(x), kept, problem.block)
     moved = [
         worst_course(setup, watched, jnp.asarray(x + h * np.eye(20)[4]), kept, problem.block) for h in (1e-6, -1e-6)
@@ -132,7 +128,7 @@ def test_first_order_linear_system_against_all_binary_inputs(m, terms):
     form = SteppedInput("tau_X", 2.0, 18.0, 0.0, 18.0, m)
     points = np.array([[-10.0, 1.0][:terms]])
     problem = FreeFormProblem(plan, form, Limits(-10.0, 14.0), points, np.diag([25.0, 1.0][:terms]))
-    found = design_free_form(problem, seed=0)
+    found = design_free_form(problem, some_starts(problem, (1, 2, 3)))
     binary = np.array(list(product([-10.0, 14.0], repeat=m)))
     (gain,) = utilities(problem.setup(), jnp.asarray((binary - 2.0) / 12.0), problem.block)
     assert found.at_bounds == 1.0
@@ -146,29 +142,21 @@ def naive_peak(point, rev_per_s, step):
 
 
 def test_limits_hold_at_every_sample():
-    """Ramps, a rate, a speed that is not to be exceeded at any of three points, and energy; and margins are what was reached."""
+    """Ramps, a rate, and a speed and a distance that are not to be exceeded at any of three points."""
     form = SteppedInput("n", N0, 60.0, 0.0, 58.0, 20, edge=1.0)
     limits = Limits(LIMITS.lower, LIMITS.upper, rate=250 * RPM)
     motion = (MotionLimit("u", lower=1.4, upper=2.5), MotionLimit("distance", upper=97.0))
     start = 2 * np.pi * naive_doublets(TIME, 200, 18, active=54)
-    problem = surge_problem(form, limits=limits, points=POINTS, motion=motion, cost=COST, budget=690.0)
-    found = design_free_form(problem, 0, {"doublet": nearest_levels(form, TIME, start)}, steps=40)
+    problem = surge_problem(form, limits=limits, points=POINTS, motion=motion)
+    found = design_free_form(problem, {"doublet": nearest_levels(form, TIME, start)}, steps=40)
     _, control = found.manoeuvre.sample(0.25)
     assert limits.excess(control, 0.25) == {}
     assert control[[0, -4, -1]] == pytest.approx(N0, abs=1e-6)
     speed = np.array([naive_peak(point, control / (2 * np.pi), 0.25) for point in POINTS])
     assert speed.max() <= 2.5
     assert speed.min() >= 1.4 - 1e-9
-    margins = {margin.limit: margin for margin in found.margins}
-    assert margins["upper bound 2.5 m/s of u"].reached == pytest.approx(speed.max(), abs=1e-9)
-    assert margins["lower bound 1.4 m/s of u"].reached == pytest.approx(speed.min(), abs=1e-9)
-    assert margins["upper bound 97 m of distance"].reached == pytest.approx(speed.sum(1).max() * 0.25, abs=0.05)
-    assert margins["upper bound 97 m of distance"].left >= 0
-    assert margins["budget in J"].reached == pytest.approx(joules(control), rel=1e-9)
-    assert joules(control) <= 690.0 * (1 + 1e-9)
-    assert margins["rate limit of n"].left >= 0
-    assert {name for name, margin in margins.items() if margin.active} == set(found.active)
-    assert {"lower bound 1.4 m/s of u", "budget in J"} <= set(found.active)
+    assert speed.sum(1).max() * 0.25 <= 97.0 + 0.05
+    assert {"lower bound 1.4 m/s of u", "upper bound 97 m of distance"} <= set(found.active)
     assert "upper bound 2.5 m/s of u" not in found.active
     assert found.utility > found.outcomes[0].before + 0.1
 
@@ -182,27 +170,26 @@ def test_a_share_of_the_draws_may_break_a_bound():
     found = {}
     for risk in (0.0, 0.1):
         problem = surge_problem(points=POINTS[:1], draws=draws, motion=bounds, risk=risk)
-        found[risk] = design_free_form(problem, 0, start, steps=30)
+        found[risk] = design_free_form(problem, start, steps=30)
         _, control = found[risk].manoeuvre.sample(0.25)
         peaks = np.array([naive_peak(point, control / (2 * np.pi), 0.25).max() for point in draws])
-        assert found[risk].broken == (peaks > 2.0 + 1e-9).mean()
-        assert found[risk].broken <= risk
-    assert found[0.1].broken > 0
+        broken = (peaks > 2.0 + 1e-9).mean()
+        assert (broken > 0) == (risk > 0)
+        assert broken <= risk
     assert found[0.1].utility > found[0.0].utility
 
 
-def test_same_seed_same_design_and_what_is_said():
-    seen = []
+def test_same_starts_same_design_and_what_is_said():
+    problem, seen = surge_problem(points=POINTS), []
     one, same = (
-        design_free_form(surge_problem(points=POINTS), 7, steps=20, progress=lambda *p: seen.append(p))
-        for _ in range(2)
+        design_free_form(problem, some_starts(problem), steps=20, progress=lambda *p: seen.append(p)) for _ in range(2)
     )
     assert np.array_equal(one.levels, same.levels)
     assert one.status == same.status
     assert seen[-1] == (80, 80)
     assert all(done <= total for done, total in seen)
     names = [outcome.name for outcome in one.outcomes]
-    assert names == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
+    assert names == list(some_starts(problem))
     for outcome in one.outcomes:
         assert outcome.before <= outcome.utility <= one.utility
     assert "of 4 starts end within" in one.status
@@ -211,7 +198,7 @@ def test_same_seed_same_design_and_what_is_said():
 def test_golden_free_form_beats_the_doublets_by_the_golden_margin():
     """60 intervals, 6 000 samples: 12.14 was the best of four local searches, 10.9 and 11.75 doublets of 10 and 20 s."""
     problem = surge_problem(SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000)
-    found = design_free_form(problem, seed=0)
+    found = design_free_form(problem, some_starts(problem))
     golden = half_log_det(problem, found)
     assert found.utility - 3 * np.log(WIDE) == pytest.approx(golden, abs=1e-4)
     assert golden > 12.14
@@ -229,7 +216,7 @@ def test_golden_standard_deviations_of_the_doubted_term():
     problem = surge_problem(
         SteppedInput("n", N0, 60.0, 0.0, 60.0, 60), n=6000, terms=("X_u", "X_uabsu", "T_nabsn", "X_du3")
     )
-    found = design_free_form(problem, seed=0)
+    found = design_free_form(problem, some_starts(problem))
     _, control = found.manoeuvre.sample(0.01)
     seen = problem.plan.information(jnp.asarray(problem.points[0]), jnp.asarray(control)[:, None])
     sd = np.sqrt(np.diag(np.linalg.inv(np.asarray(seen))))

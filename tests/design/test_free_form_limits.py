@@ -1,4 +1,4 @@
-"""Limits of free-form inputs without a search: the unit of the levels, projections, starts, margins and what a status says."""
+"""Limits of free-form inputs without a search: the unit of the levels, projections, active limits and what a status says."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,11 +8,9 @@ import pytest
 from scipy.optimize import minimize
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design import free_form_optimise
-from seatrial.design.cost import PropellerPower, in_joules
-from seatrial.design.free_form import ACTIVE_SHARE, EQUAL_GAIN, ClimbOutcome, _change, _margin, _status
+from seatrial.design.free_form import ACTIVE_SHARE, EQUAL_GAIN, ClimbOutcome, _active, _change, _status
 from seatrial.design.free_form_objective import Course, _blocks
-from seatrial.design.free_form_optimise import ROUNDING, Climb, _multisines, best_of, doublets, gentled, ready_starts
+from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled
 from seatrial.design.free_form_problem import FreeFormProblem, Room, check_problem
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.sweep import LANES
@@ -24,7 +22,6 @@ from tests.cases import TRUTH, U0, paper_model
 TRIM, LOW, HIGH = 70.0, 60.0, 95.0
 NAMES = ("X_u", "X_uabsu", "T_nabsn")
 VALUES = np.array([TRUTH[name] for name in NAMES])
-COST = in_joules(1.0, PropellerPower(10.0, TRIM), fixed=5.0)
 
 
 def problem(form=None, rate=None, n=60, **settings):
@@ -104,53 +101,15 @@ def test_gentled_inputs_are_inside_and_near():
     np.testing.assert_allclose(gentled(target, both), [gentled(target, one) for one in both], atol=1e-12)
 
 
-@pytest.mark.parametrize("m", [1, 2, 5, 6])
-def test_doublets_of_every_period_and_number(m):
-    """Both sides first, half periods of one level on, as many whole doublets as fit."""
-    found = {tuple(row) for row in doublets(m, -0.4, 1.0)}
-    expected = set()
-    for half in range(1, max(m // 2, 1) + 1):
-        for count in range(1, max(m // (2 * half), 1) + 1):
-            for sign in (1, -1):
-                row = [0.0] * m
-                for i in range(min(2 * half * count, m)):
-                    side = sign if (i // half) % 2 == 0 else -sign
-                    row[i] = 1.0 if side > 0 else -0.4
-                expected.add(tuple(row))
-    assert found == expected
-    assert len(doublets(m, -0.4, 1.0)) == len(expected)
-
-
-def test_multisines_are_sums_of_the_lowest_harmonics():
-    """Their largest value is one, and of 48 levels no more than eight harmonics have any part, some fewer."""
-    found = _multisines(48, np.random.default_rng(2))
-    assert found.shape == (LANES, 48)
-    np.testing.assert_allclose(np.abs(found).max(1), 1.0)
-    parts = np.abs(np.fft.rfft(found, axis=1))
-    highest = [int(np.flatnonzero(row > 1e-9 * row.max()).max()) for row in parts]
-    assert max(highest) == 8
-    assert min(highest) < 4
-    for row, last in zip(parts, highest, strict=True):
-        assert row[0] < 1e-9
-        np.testing.assert_allclose(row[1 : last + 1], row[1], rtol=1e-6)
-    assert _multisines(3, np.random.default_rng(2)).shape == (LANES, 3)
-
-
-@pytest.mark.parametrize(
-    ("side", "reached", "left", "active"),
-    [
-        (1.0, 4.0, 1.0, False),
-        (1.0, 5.0 - 0.9 * ACTIVE_SHARE * 10, 0.9 * ACTIVE_SHARE * 10, True),
-        (1.0, 5.0 - 1.1 * ACTIVE_SHARE * 10, 1.1 * ACTIVE_SHARE * 10, False),
-        (1.0, 5.0 + 1e-12, 0.0, True),
-        (-1.0, 6.0, 1.0, False),
-        (-1.0, 5.0, 0.0, True),
-    ],
-)
-def test_margin_is_what_is_left_to_the_bound(side, reached, left, active):
-    found = _margin("a bound", reached, 5.0, side, 10.0)
-    assert (found.limit, found.reached, found.bound, found.active) == ("a bound", reached, 5.0, active)
-    assert found[3] == pytest.approx(left)
+def test_a_limit_is_active_where_next_to_nothing_of_its_room_is_left():
+    """Levels at the upper bound of the control, or short of it by more or less than the share; a bound of u that is far."""
+    target = problem(motion=(MotionLimit("u", upper=9.0),))
+    climb = replace(climb_of(target), rooms=check_problem(target))
+    for short, active in ((0.0, True), (0.9 * ACTIVE_SHARE, True), (1.1 * ACTIVE_SHARE, False)):
+        assert _active(climb, np.full(12, 1.0 - short)) == ("upper limit of n",) * active
+    speed = float(np.max(climb.course(np.full(12, 0.5)).highest))
+    near = replace(target, motion=(MotionLimit("u", upper=speed * (1 + 1e-9)),))
+    assert len(_active(replace(climb_of(near), rooms=check_problem(near)), np.full(12, 0.5))) == 1
 
 
 def test_status_counts_starts_that_end_alike_and_those_that_did_not_settle():
@@ -185,29 +144,26 @@ def test_excess_is_the_share_beyond_the_worst_limit():
     np.testing.assert_allclose(pulled, 1.0)
 
 
-def test_excess_of_motion_and_cost_over_the_draws_that_are_kept():
-    """u at most 2 m/s over two draws, the slower of which is kept or not, and a budget in joules."""
+def test_excess_of_motion_over_the_draws_that_are_kept():
+    """u at most 2 m/s over two draws, the slower of which is kept or not."""
     draws = np.stack([VALUES, VALUES * [1.0, 0.8, 1.0]])
-    target = problem(draws=draws, motion=(MotionLimit("u", upper=2.5),), cost=COST, budget=900.0, risk=0.5)
+    target = problem(draws=draws, motion=(MotionLimit("u", upper=2.5),), risk=0.5)
     rooms, x = check_problem(target), np.full(12, 0.4)
     everyone = replace(climb_of(target), rooms=rooms)
     course = everyone.course(x)
     (room,) = rooms
     speeds = np.asarray(course.highest)[..., 0].max(1)
     beyond = (speeds - 2.5) / room.scale
-    spent = 5.0 + 60.0 * (1.0 + 10.0 * (80.0 / TRIM) ** 3)
-    np.testing.assert_allclose(np.asarray(course.spent), spent, rtol=1e-6)
-    each = np.maximum(beyond, spent / 900.0 - 1.0)
-    np.testing.assert_allclose(everyone.draw_excess(x), each, rtol=1e-6)
+    np.testing.assert_allclose(everyone.draw_excess(x), beyond, rtol=1e-6)
     levels = np.max([x - 1.0, -0.4 - x])
-    assert everyone.excess(x[None])[0] == pytest.approx(max(each.max(), levels))
+    assert everyone.excess(x[None])[0] == pytest.approx(max(beyond.max(), levels))
     one = replace(everyone, kept=np.array([True, False]))
-    assert one.excess(x[None])[0] == pytest.approx(max(each[0], levels))
+    assert one.excess(x[None])[0] == pytest.approx(max(beyond[0], levels))
     assert one.course(x).highest.shape[0] == 1
 
 
 def test_shortfall_of_a_bound():
-    course = Course(*(np.array([[3.0, 7.0], [4.0, 6.0]]) for _ in range(2)), np.zeros(1))
+    course = Course(*(np.array([[3.0, 7.0], [4.0, 6.0]]) for _ in range(2)))
     upper, lower = Room("u", 1, 1.0, 6.5, 2.0), Room("l", 0, -1.0, 3.5, 0.5)
     np.testing.assert_allclose(upper.shortfall(course), [0.25, -0.25])
     np.testing.assert_allclose(lower.shortfall(course), [1.0, -1.0])
@@ -226,14 +182,12 @@ def test_shortfall_of_a_bound():
         ({"points": VALUES}, "shapes"),
         ({"risk": 1.0}, "1"),
         ({"risk": -0.1}, "-0.1"),
-        ({"budget": 5.0}, "5 with no cost"),
         ({"form": SteppedInput("n", TRIM, 61.0, 0.0, 61.0, 12)}, "61 s of the input, 60 s of the plan"),
         ({"form": SteppedInput("delta_r", TRIM, 60.0, 0.0, 60.0, 12)}, "delta_r"),
         ({"motion": (MotionLimit("u", upper=1.0),)}, "trim breaks the upper bound 1 m/s of u by"),
         ({"motion": (MotionLimit("u", lower=1.6),)}, "trim breaks the lower bound 1.6 m/s of u by"),
         ({"motion": (MotionLimit("distance", upper=50.0),)}, "trim breaks the upper bound 50 m of distance by"),
         ({"motion": (MotionLimit("w", upper=1.5),)}, "states: u"),
-        ({"cost": COST, "budget": 600.0}, "trim breaks the budget of 600 J by 65 "),
     ],
 )
 def test_problems_that_admit_nothing_or_do_not_fit(change, words):
@@ -251,30 +205,6 @@ def test_rooms_are_the_distances_to_the_course_at_trim():
     assert upper.scale == pytest.approx(3.0 - float(np.max(course.highest)))
     assert lower.scale == pytest.approx(float(np.min(course.lowest)) - 1.0)
     assert ROUNDING < 1e-6
-
-
-def test_the_best_of_several_starts_is_the_most_informative_that_does_not_diverge(monkeypatch):
-    """Inputs are gentled before they are compared; one whose information is no number is never chosen."""
-    target = problem()
-    x = np.stack([0.2 * np.ones(12), -0.3 * np.ones(12), 5.0 * np.ones(12)])
-    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.array([1.0, np.nan, 0.5]),))
-    np.testing.assert_allclose(best_of(target, target.setup(), x), x[0])
-    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.array([1.0, -np.inf, 2.0]),))
-    np.testing.assert_allclose(best_of(target, target.setup(), x), 1.0)
-    assert best_of(target, target.setup(), None) is None
-
-
-def test_starts_are_named_and_on_both_sides_of_trim(monkeypatch):
-    """The best doublet and multisine, and binary levels at the bounds; no multisine where trim is at a bound."""
-    monkeypatch.setattr(free_form_optimise, "in_blocks", lambda run, inside: (np.arange(len(inside), dtype=float),))
-    target = problem()
-    found = ready_starts(target, target.setup(), np.random.default_rng(3), 2)
-    assert list(found) == ["best doublet", "best multisine", "random binary 1", "random binary 2"]
-    for name in ("random binary 1", "random binary 2"):
-        assert set(np.round(found[name], 9)) == {-0.4, 1.0}
-    assert np.abs(found["best multisine"]).max() == pytest.approx(0.4)
-    edge = problem(limits=Limits(TRIM, HIGH))
-    assert "best multisine" not in ready_starts(edge, edge.setup(), np.random.default_rng(3), 0)
 
 
 @pytest.mark.parametrize("samples", [8, 9, 11])

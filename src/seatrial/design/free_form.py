@@ -1,7 +1,7 @@
 """The most informative free-form input inside hard limits: many starts, gradients through the simulator, rounding to the bounds.
 
     max  mean over points of 1/2 ln det(I + P0^-1) + 1/2 ln det P0   (nats)
-    s.t. bounds of amplitude and rate, return to trim, limits of motion and cost at every sample
+    s.t. bounds of amplitude and rate, return to trim, limits of motion at every sample
 
 Each start is followed by sequential quadratic programming (Kraft, 1988; SciPy's SLSQP) with exact derivatives. The optimum of an
 input bounded in amplitude is mostly at its bounds, so that levels are then exchanged for bounds, one by one, while that helps.
@@ -20,7 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.reporter import Progress, Reporter, no_progress
 from seatrial.design.design_problem import DesignProblem, check_whole_trials
 from seatrial.design.fisher_utilities import find_criterion
-from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled, ready_starts
+from seatrial.design.free_form_optimise import ROUNDING, Climb, gentled
 from seatrial.design.free_form_problem import FreeFormProblem, check_problem
 from seatrial.design.prior_belief import prior_cov
 from seatrial.design.results import FreeTrial
@@ -34,24 +34,6 @@ UTILITY_POINTS = 4  # Draws of the priors over which the utility is averaged
 SAFE_DRAWS = 64  # Draws for which limits of the motion hold during the search; judged on fresh ones afterwards
 RISK_SHARE = 0.75  # Share of the risk allowed that the search takes: the rest is for what draws it has not seen
 EQUAL_GAIN = 0.05  # Designs this close in nats are as good as each other: five per cent of one standard deviation
-
-
-class LimitMargin(NamedTuple):
-    """One limit of the design, SI.
-
-    Attributes:
-        limit: what is bounded.
-        reached: the worst value over all samples, and over all draws but those that may break it.
-        bound: the limit.
-        left: distance to the bound, never negative.
-        active: whether the limit holds the design back.
-    """
-
-    limit: str
-    reached: float
-    bound: float
-    left: float
-    active: bool
 
 
 class ClimbOutcome(NamedTuple):
@@ -82,9 +64,8 @@ class FreeFormDesign:
         manoeuvre: the input.
         levels: its levels, SI, shape (m,).
         utility: expected gain, nats.
-        margins: of every limit.
+        active: limits that hold it back.
         outcomes: of every start.
-        broken: share of the draws that break a limit of motion or cost.
         at_bounds: share of the levels at a bound of the amplitude.
         status: in words.
     """
@@ -92,23 +73,15 @@ class FreeFormDesign:
     manoeuvre: Manoeuvre
     levels: Float[np.ndarray, " m"]
     utility: float
-    margins: tuple[LimitMargin, ...]
+    active: tuple[str, ...]
     outcomes: tuple[ClimbOutcome, ...]
-    broken: float
     at_bounds: float
     status: str
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """Limits that hold the design back."""
-        return tuple(margin.limit for margin in self.margins if margin.active)
 
 
 def design_free_form(
     problem: FreeFormProblem,
-    seed: int,
-    starts: Mapping[str, Float[np.ndarray, " m"]] | None = None,
-    random: int = 2,
+    starts: Mapping[str, Float[np.ndarray, " m"]],
     steps: int = 150,
     progress: Progress = no_progress,
 ) -> FreeFormDesign:
@@ -116,9 +89,7 @@ def design_free_form(
 
     Args:
         problem: what is to be learned, and the limits.
-        seed: of random starts; the same seed gives the same design.
-        starts: levels by name, SI; none for the best doublet, the best of many multisines, and random binary levels.
-        random: number of random binary starts, where `starts` is not given.
+        starts: levels by name, SI.
         steps: most steps of the gradient search from each start.
         progress: called with the steps done and the steps in all.
 
@@ -128,10 +99,7 @@ def design_free_form(
     """
     rooms, setup = check_problem(problem), problem.setup()
     everyone = Climb(problem, setup, problem.watched(), rooms, np.ones(problem.safe_for.shape[0], bool))
-    if starts is None:
-        chosen = ready_starts(problem, setup, np.random.default_rng(seed), random)
-    else:
-        chosen = {name: gentled(problem, _change(problem, name, levels)) for name, levels in starts.items()}
+    chosen = {name: gentled(problem, _change(problem, name, levels)) for name, levels in starts.items()}
     if not chosen:
         raise InputError("free-form design, starts", found="none", expected="at least one", remedy="give a start")
     results = []
@@ -153,9 +121,8 @@ def design_free_form(
         problem.form.manoeuvre(best.levels),
         best.levels,
         best.utility,
-        _margins(climb, x),
+        _active(climb, x),
         outcomes,
-        float((climb.draw_excess(x) > ROUNDING).mean()),
         float(((x <= low + ROUNDING) | (x >= high - ROUNDING)).mean()),
         _status(best, outcomes),
     )
@@ -185,30 +152,19 @@ def _kept(everyone: Climb, x: np.ndarray) -> np.ndarray:
     return kept
 
 
-def _margins(climb: Climb, x: np.ndarray) -> tuple[LimitMargin, ...]:
+def _active(climb: Climb, x: np.ndarray) -> tuple[str, ...]:
+    """Return the limits of which the worst value over all samples, and over all draws but those that may break them, leaves no room."""
     problem, limits, step = climb.problem, climb.problem.limits, float(np.median(climb.setup.plan.step))
     _, control = problem.form.manoeuvre(problem.form.trim + problem.span * x).sample(step)
-    results = [
-        _margin(f"upper limit of {problem.form.control}", float(control.max()), limits.upper, 1.0, problem.span),
-        _margin(f"lower limit of {problem.form.control}", float(control.min()), limits.lower, -1.0, problem.span),
-    ]
+    left = {
+        f"upper limit of {problem.form.control}": (problem.ends[1] - float(control.max())) / problem.span,
+        f"lower limit of {problem.form.control}": (float(control.min()) - problem.ends[0]) / problem.span,
+    }
     if limits.rate is not None:
-        fastest = float(np.abs(np.diff(control)).max()) / step
-        results.append(_margin(f"rate limit of {problem.form.control}", fastest, limits.rate, 1.0, limits.rate))
+        left[f"rate limit of {problem.form.control}"] = 1.0 - float(np.abs(np.diff(control)).max()) / step / limits.rate
     course = climb.course(x)
-    for room in climb.rooms:
-        reached = room.side * float((room.side * room.reached(course)).max())
-        results.append(_margin(room.name, reached, room.bound, room.side, room.scale))
-    if problem.cost is not None:
-        results.append(
-            _margin(f"budget in {problem.cost.unit}", float(course.spent.max()), problem.budget, 1.0, problem.budget)
-        )
-    return tuple(results)
-
-
-def _margin(name: str, reached: float, bound: float, side: float, scale: float) -> LimitMargin:
-    left = max(0.0, side * (bound - reached))  # rounding may leave it an ulp beyond
-    return LimitMargin(name, reached, bound, left, left <= ACTIVE_SHARE * scale)
+    left |= {room.name: -float(room.shortfall(course).max()) for room in climb.rooms}
+    return tuple(name for name, share in left.items() if share <= ACTIVE_SHARE)
 
 
 def _status(best: ClimbOutcome, outcomes: tuple[ClimbOutcome, ...]) -> str:
@@ -278,7 +234,7 @@ class FreeFormSearch:
         starts = {f"the best {family.name}": near}
         starts |= {f"random levels {i + 1}": random.choice(np.array(bounds, float), form.size) for i in range(2)}
         progress = reporter.progress("free-form design")
-        optimum = design_free_form(search, problem.seed, starts, progress=progress)
+        optimum = design_free_form(search, starts, progress=progress)
         controls = np.stack([_commands(problem, plan.commands, one) for one in (optimum.manoeuvre, family)])
         # Both by the same measure, on draws that had no part in the search.
         fresh = draws[SAFE_DRAWS : SAFE_DRAWS + 64]

@@ -14,7 +14,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.design.cost import TrialCost
 from seatrial.design.integrals import joint_move, joint_start, signals_at
 from seatrial.design.motion_limits import MotionLimit, limit_integrals
 from seatrial.design.trial_plan import TrialPlan
@@ -47,12 +46,10 @@ class Watched(NamedTuple):
 
     Attributes:
         motion: limits whose quantities are followed.
-        cost: of the trial, if it is bounded.
-        draws: coefficients for which both must hold, shape (S, k).
+        draws: coefficients for which they must hold, shape (S, k).
     """
 
     motion: tuple[MotionLimit, ...]
-    cost: TrialCost | None
     draws: Float[Array, "S k"]
 
 
@@ -63,12 +60,10 @@ class Course(NamedTuple):
         highest: largest value in each block, from its first sample to the end of its last step, shape (B, q), after draws if
             there are several.
         lowest: smallest, likewise.
-        spent: cost of the trial.
     """
 
     highest: Array
     lowest: Array
-    spent: Array
 
 
 @program(static_argnames="block")
@@ -115,7 +110,6 @@ def _worst_course(setup: Setup, watched: Watched, x: Array, kept: Array, block: 
     return Course(
         jnp.where(in_blocks, course.highest, -jnp.inf).max(0),
         jnp.where(in_blocks, course.lowest, jnp.inf).min(0),
-        jnp.where(kept, course.spent, -jnp.inf).max(),
     )
 
 
@@ -144,9 +138,7 @@ def _control(setup: Setup, x: Array) -> Array:
 
 
 def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, block: int) -> Course:
-    integrals = dict(limit_integrals(plan.model, watched.motion))
-    if watched.cost is not None:
-        integrals["spent"] = watched.cost.per_second
+    integrals = limit_integrals(plan.model, watched.motion)
 
     def quantities(joint: tuple, held: tuple) -> Array:
         now: Mapping = signals_at(plan, integrals, joint, held)
@@ -175,8 +167,8 @@ def _course(plan: TrialPlan, watched: Watched, values: Array, control: Array, bl
         return (joint, memory), widened(extremes, joint, last)
 
     begin = joint_start(plan, integrals), memory
-    ((joint, _), (highest, lowest)) = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
-    return Course(highest, lowest, watched.cost.fixed + joint[-1] if watched.cost is not None else jnp.zeros(()))
+    _, extremes = jax.lax.scan(over_block, begin, _blocks(plan, control, block))
+    return Course(*extremes)
 
 
 def _blocks(plan: TrialPlan, control: Array, block: int) -> tuple:

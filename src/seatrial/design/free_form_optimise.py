@@ -23,52 +23,7 @@ from seatrial.design.free_form_objective import (
 from seatrial.design.free_form_problem import FreeFormProblem, Room
 from seatrial.design.sweep import LANES, in_blocks
 
-# Inputs from which a free-form search may start: the best doublet, random binary levels, and the best of many
-# multisines.
-
 PROJECTION_ROUNDS = 30  # Of projections onto all limits
-
-
-def ready_starts(
-    problem: FreeFormProblem, setup: Setup, rng: np.random.Generator, random: int
-) -> dict[str, Float[np.ndarray, " m"]]:
-    """Starts by name, as changes from trim over the span, inside the limits of amplitude and rate.
-
-    Args:
-        problem: limits and input.
-        setup: its numbers.
-        rng: of the random levels and phases.
-        random: number of random binary starts.
-    """
-    low, high = problem.box
-    m = problem.form.size
-    starts = {
-        "best doublet": best_of(problem, setup, doublets(m, low, high)),
-        "best multisine": best_of(problem, setup, _multisines(m, rng) * min(-low, high) if low < 0 < high else None),
-    }
-    starts |= {f"random binary {i + 1}": np.where(rng.random(m) < 0.5, low, high) for i in range(random)}
-    return {name: gentled(problem, x) for name, x in starts.items() if x is not None}
-
-
-def doublets(m: int, low: float, high: float) -> Float[np.ndarray, "designs m"]:
-    """Whole doublets of every period and number that fit, either side first, from the first level on."""
-    results = []
-    for half in range(1, max(m // 2, 1) + 1):
-        for count in range(1, max(m // (2 * half), 1) + 1):
-            side = np.zeros(m)
-            side[: 2 * half * count] = np.tile(np.repeat([1.0, -1.0], half), count)[:m]
-            results += [side, -side]
-    sides = np.array(results)
-    return np.where(sides > 0, high, np.where(sides < 0, low, 0.0))
-
-
-def best_of(problem: FreeFormProblem, setup: Setup, x: np.ndarray | None) -> np.ndarray | None:
-    """Return the most informative of several inputs once each is inside the limits of amplitude and rate."""
-    if x is None:
-        return None
-    inside = gentled(problem, x)
-    (gain,) = in_blocks(lambda lanes: utilities(setup, lanes, problem.block), inside)
-    return inside[int(np.argmax(np.where(np.isfinite(gain), gain, -np.inf)))]
 
 
 def gentled(problem: FreeFormProblem, x: Float[np.ndarray, "... m"]) -> Float[np.ndarray, "... m"]:
@@ -90,17 +45,6 @@ def gentled(problem: FreeFormProblem, x: Float[np.ndarray, "... m"]) -> Float[np
     reached = np.concatenate([x @ rows.T, x, -x], -1)
     over = np.max(reached / np.maximum(bounds, 1e-12), axis=-1, keepdims=True)
     return x / np.maximum(over, 1.0)
-
-
-def _multisines(m: int, rng: np.random.Generator) -> Float[np.ndarray, "designs m"]:
-    """Return the sums of the lowest harmonics with random phases, their largest value one, as many as are computed at once."""
-    time = (np.arange(m) + 0.5) / m
-    results = []
-    for _ in range(LANES):
-        harmonics = np.arange(1, rng.integers(1, max(m // 6, 2) + 1) + 1)
-        sums = np.sin(2 * np.pi * (harmonics * time[:, None] + rng.random(harmonics.size))).sum(1)
-        results.append(sums / np.abs(sums).max())
-    return np.array(results)
 
 
 ROUNDING = 1e-9  # Shares of a limit's room, and nats, that are not told from zero
@@ -139,14 +83,14 @@ class Climb:
         low, high = self.problem.box
         rows, most = self._linear
         worst = np.concatenate([x - high, low - x, x @ rows.T - most], 1).max(1)
-        if self._follows_course:
+        if self.rooms:
             course = self._course(x)
             worst = np.maximum(worst, np.where(self.kept, self._beyond(course).max(-1), -np.inf).max(-1))
         return worst
 
     def draw_excess(self, x: Float[np.ndarray, " m"]) -> Float[np.ndarray, " S"]:
-        """Return how far one input takes every draw beyond the worst bound of motion or cost, as a share of its room."""
-        if not self._follows_course:
+        """Return how far one input takes every draw beyond the worst bound of motion, as a share of its room."""
+        if not self.rooms:
             return np.full(self.kept.size, -np.inf)
         return self._beyond(self._course(x[None])).max(-1)[0]
 
@@ -188,7 +132,7 @@ class Climb:
         constraints = []
         if most.size:
             constraints.append({"type": "ineq", "fun": lambda x: most - rows @ x, "jac": lambda x: -rows})
-        if self._follows_course:
+        if self.rooms:
             constraints.append(
                 {"type": "ineq", "fun": lambda x: -self._worst(x), "jac": lambda x: -self._worst_slope(x)}
             )
@@ -225,19 +169,12 @@ class Climb:
     def _linear(self) -> tuple[np.ndarray, np.ndarray]:
         return self.problem.linear()
 
-    @property
-    def _follows_course(self) -> bool:
-        return bool(self.rooms) or self.problem.cost is not None
-
     def _course(self, x: np.ndarray) -> Course:
         return Course(*in_blocks(lambda lanes: courses(self.setup, self.watched, lanes, self.problem.block), x))
 
     def _beyond(self, course: Course) -> np.ndarray:
-        """Return the shares by which bounds of motion, block by block, and cost are exceeded, the last axis over all of them."""
-        results = [room.shortfall(course) for room in self.rooms]
-        if self.problem.cost is not None:
-            results.append(np.asarray(course.spent)[..., None] / self.problem.budget - 1.0)
-        return np.concatenate(results, -1)
+        """Return the shares by which bounds of motion are exceeded, block by block, the last axis over all of them."""
+        return np.concatenate([room.shortfall(course) for room in self.rooms], -1)
 
     def _worst(self, x: np.ndarray) -> np.ndarray:
         """Return the same of the worst draw that is kept."""
@@ -251,8 +188,6 @@ class Climb:
             room.side * np.asarray(slope.highest if room.side > 0 else slope.lowest)[:, room.index] / room.scale
             for room in self.rooms
         ]
-        if self.problem.cost is not None:
-            results.append(np.asarray(slope.spent)[None] / self.problem.budget)
         return np.concatenate(results)
 
 

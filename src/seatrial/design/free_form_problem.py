@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.design.cost import TrialCost, check_cost
 from seatrial.design.free_form_objective import Course, Setup, Watched, courses
 from seatrial.design.motion_limits import MotionLimit, check_motion_limits
 from seatrial.design.trial_plan import TrialPlan
@@ -32,9 +31,7 @@ class FreeFormProblem:
         prior_cov: covariance of the coefficients before the trial, SI, shape (k, k).
         held: value at trim of every command that is not driven.
         motion: limits of the motion.
-        cost: of the trial, where it is bounded, for example its energy.
-        budget: the most it may be, in the unit of the cost.
-        draws: coefficients for which motion and budget hold, shape (S, k); the points, if not given.
+        draws: coefficients for which these hold, shape (S, k); the points, if not given.
         risk: share of the draws that may break them; those that fare worst at the start of each climb are left out.
     """
 
@@ -45,8 +42,6 @@ class FreeFormProblem:
     prior_cov: Float[np.ndarray, "k k"]
     held: Mapping[str, float] = field(default_factory=dict)
     motion: tuple[MotionLimit, ...] = ()
-    cost: TrialCost | None = None
-    budget: float = inf
     draws: Float[np.ndarray, "S k"] | None = None
     risk: float = 0.0
 
@@ -91,7 +86,7 @@ class FreeFormProblem:
 
     def watched(self) -> Watched:
         """Return what the search looks at on the way."""
-        return Watched(self.motion, self.cost, jax.device_put(self.safe_for))
+        return Watched(self.motion, jax.device_put(self.safe_for))
 
     def linear(self) -> tuple[Float[np.ndarray, "r m"], Float[np.ndarray, " r"]]:
         """Return the rows A and bounds b of the limits of the rate, A x <= b; bounds of the levels are those of the box."""
@@ -141,8 +136,6 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
     _check_control(problem)
     if problem.motion:
         check_motion_limits(problem.plan.model, problem.motion)
-    if problem.cost is not None:
-        check_cost(problem.plan, problem.cost)
     still = np.zeros((1, problem.form.size))
     course = Course(
         *(np.asarray(each)[0] for each in courses(problem.setup(), problem.watched(), still, problem.block))
@@ -158,11 +151,7 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
                 inside.append(-room.shortfall(course).max(-1))
                 left = float(np.sort(inside[-1])[problem.left_out])
                 rooms.append(room._replace(scale=max(left, 1e-3 * abs(bound), 1e-9)))
-    names = [room.name for room in rooms]
-    if problem.cost is not None:
-        inside.append(problem.budget - course.spent)
-        names.append(f"budget of {problem.budget:g} {problem.cost.unit}")
-    _check_trim(problem, np.array(inside), names)
+    _check_trim(problem, np.array(inside), [room.name for room in rooms])
     return tuple(rooms)
 
 
@@ -176,12 +165,6 @@ def _check_fit(problem: FreeFormProblem) -> None:
     for holds, what, result, expected in (
         (form.control in plan.commands, "control", form.control, "one of " + ", ".join(plan.commands)),
         (not missing, "held", "nothing for " + ", ".join(missing), "the trim value of every other control"),
-        (
-            (problem.cost is None) == (problem.budget == inf),
-            "budget",
-            f"{problem.budget:g} with {'no' if problem.cost is None else 'a'} cost",
-            "a cost and a finite budget, or neither",
-        ),
         (fits, "coefficients", f"shapes {shapes}", f"points (P, {k}), prior covariance ({k}, {k}), draws (S, {k})"),
         (positive, "prior_cov", "an eigenvalue of 0 or less", "a positive definite covariance"),
         (0 <= problem.risk < 1, "risk", f"{problem.risk:g}", "a share from 0 to below 1"),
