@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
+from seatrial.core.display_units import shown_unit
 from seatrial.core.findings import Finding
 from seatrial.messages.entry import Entry, Remedy
 
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
+    from seatrial.selection.contenders import STANDING
     from seatrial.selection.cross_validation import CLEAR, EXCLUDED, MAX_CHANCE, SMALL_CRPS
     from seatrial.selection.method_agreement import MAX_JOINT_ERRORS
     from seatrial.selection.stack import SMALL
@@ -19,6 +21,7 @@ def thresholds() -> dict[str, float]:
         "EXCLUDED": EXCLUDED,
         "MAX_CHANCE": MAX_CHANCE,
         "SMALL": SMALL,
+        "STANDING": STANDING,
         "SMALL_CRPS": SMALL_CRPS,
     }
 
@@ -57,6 +60,16 @@ def _better(values: Mapping[str, Any]) -> str:
 def _blocks(values: Mapping[str, Any]) -> str:
     runs = "run" if values["runs"] == 1 else "runs"
     return f"blocks of time of {{runs}} {runs} were left out, not runs: another run may be predicted worse"
+
+
+def _disagree(values: Mapping[str, Any]) -> str:
+    factor, unit = shown_unit(values["subject"][0])
+    spread, stated = (f"{values[name] * factor:.2g} {unit}" for name in ("spread", "stated"))
+    place = " in {trial}" if "trial" in values else ""
+    return (
+        f"{{labels:and}}, which the data do not tell apart, predict {{subject[0]}} differently{place}: the standard deviation "
+        f"between them is {spread}, that of {{labels[0]}} alone {stated}"
+    )
 
 
 ENTRIES = {
@@ -121,6 +134,20 @@ ENTRIES = {
         decided="Residuals are slow or bands fail, and no other model of the error is recommended (error-model-better).",
         example=Finding("advice-tried", "note", (), {"error_model": "drifting", "delta": 3.0, "std_error": 12.0}),
     ),
+    "structures-disagree": Entry(
+        title="Structures disagree",
+        sentence=_disagree,
+        meaning="Far from what was fitted, each structure continues as its own terms do, and the band of one knows nothing of the others. "
+        "Predictions of held-back runs average over all of them.",
+        decided="The standard deviation between structures within {STANDING:g} nats of the best exceeds the stated one, noise included.",
+        example=Finding(
+            "structures-disagree",
+            "caution",
+            ("r",),
+            {"labels": ("M-0", "M-2"), "spread": 0.02, "stated": 0.008, "run": "circle"},
+            ("decide-structure",),
+        ),
+    ),
     "runs-in-pieces": Entry(
         title="Pieces of the same runs",
         sentence="{subject:and} are pieces of the same long runs, so that each piece knows what the others share",
@@ -159,6 +186,7 @@ ENTRIES = {
     ),
 }
 REMEDIES = {
+    "decide-structure": Remedy(command="fit a run like it, which tells the structures apart"),
     "try-error-models": Remedy(
         command="try it, and a force with memory too, by `seatrial crossvalidate`",
         python="compare models of the error by `leave_one_run_out`",

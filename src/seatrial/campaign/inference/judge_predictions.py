@@ -1,6 +1,6 @@
 """How well the estimated vehicle predicts records, those it was fitted to and those held back, and whether that will do."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -12,6 +12,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import build_posterior, first_sd, initial_state, posterior_of_one
+from seatrial.campaign.inference.structure_average import StructureAverage
 from seatrial.campaign.store.estimates import Drawn, Estimate, HasKey, OfStructure
 from seatrial.campaign.store.predictions import Fit, Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -49,6 +50,7 @@ from seatrial.estimation.prediction.short_horizon import (
 from seatrial.estimation.simulation.sensor_errors import Noise
 from seatrial.messages.predictions import explained_short, horizon_text, outside_text
 from seatrial.messages.render import sentence
+from seatrial.selection.contenders import disagreements
 from seatrial.selection.structures import Structure
 
 N_DRAWS = 200
@@ -82,25 +84,31 @@ def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], .
     )
 
 
-def stored_predictions(folder: Path, estimate: OfStructure, trials: HasKey) -> StoredResult[Predictions]:
+def stored_predictions(
+    folder: Path, estimate: OfStructure, trials: HasKey, average: OfStructure
+) -> StoredResult[Predictions]:
     """Return where the predictions are kept, and what they depend on."""
-    key = key_of("predictions", estimate.key, trials.key)
+    key = key_of("predictions", estimate.key, trials.key, average.key)
     return StoredResult(Store(folder).predictions, key, Predictions, f"seatrial run {folder}")
 
 
-def predict_all(campaign: Campaign, estimate: Estimate, trials: Trials) -> Predictions:
-    """Predict every record with draws from the posterior."""
+def predict_all(
+    campaign: Campaign, estimate: Estimate, trials: Trials, average: Estimate | StructureAverage
+) -> Predictions:
+    """Predict every record with draws from the posterior, those that were not fitted with draws of the average."""
 
     def predict() -> Predictions:
         records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
-        predicted = [_predict(campaign, estimate, record, at >= count) for at, record in enumerate(records)]
+        predicted = [_predict(campaign, estimate, record) for record in trials.fit]
+        predicted += [_predict(campaign, average, record, True) for record in trials.predict]
         ahead = _forecast_by(campaign, estimate, trials.fit)
         fits = _fitted(setting, predicted[:count], ahead)
         fits += [fit for one in predicted[count:] for fit in _fits(setting, one, ahead, trials.fit)]
         held_back = HeldBack(tuple(fits), _pooled(setting, predicted[count:], fits), tuple(map(_curves, predicted)))
-        return predictions_of(campaign.channels, estimate.structure, records, trials.predict, held_back)
+        whole = predictions_of(campaign.channels, estimate.structure, records, trials.predict, held_back)
+        return replace(whole, disagreements=tuple(_disagreements(campaign, average, trials.predict)))
 
-    return stored_predictions(campaign.folder, estimate, trials).read_or_make(predict)
+    return stored_predictions(campaign.folder, estimate, trials, average).read_or_make(predict)
 
 
 def predictions_of(
@@ -234,6 +242,18 @@ def _finding(group: Sequence[Fit]) -> Finding:
     return first.verdict.among(
         run=first.record, held_back=first.held_back, outside=first.outside, ahead=first.ahead, likewise=likewise
     )
+
+
+def _disagreements(
+    campaign: Campaign, average: Estimate | StructureAverage, records: Sequence[Record]
+) -> Iterator[Finding]:
+    """Yield where structures that stand beside each other predict a record differently."""
+    if isinstance(average, StructureAverage):
+        for record in records:
+            each = [_predict(campaign, one, record, True) for one in average.members]
+            means, first = [one.mean for one in each], each[0]
+            where = {"run": record.label, "held_back": True}
+            yield from disagreements(average.labels, means, first.sd, first.channels, **where)
 
 
 def _predict(campaign: Campaign, drawn: Drawn, record: Record, held_back: bool = False) -> Prediction:

@@ -95,6 +95,7 @@ class Predictions:
         structure: label of the structure that predicts.
         data: curves on `sample`, the records one after another: `time`, s, index of the `record`, and by `channel` what was `measured`, the
             `mean`, and the standard deviations `motion_sd`, of the coefficients alone, and `sd`, with the noise of the sensor.
+        disagreements: where structures that the data do not tell apart predict a held-back record differently.
     """
 
     records: tuple[str, ...]
@@ -104,6 +105,7 @@ class Predictions:
     pooled: tuple[Pooled, ...]
     structure: str
     data: Dataset
+    disagreements: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,7 @@ class Outcome:
         screened: every structure in closed form; None where that cannot be done.
         screening_cautions: of that, or why it could not be done.
         contenders: the chosen structure beside the runner-up; None where there is one structure, or no trial is designed.
+        disagreements: where structures that the data do not tell apart predict held-back records differently.
         summary: the machine-readable summary.
         seal: of the stored summary, which changes with all that the summary was made from; empty where it is not stored.
         undesigned: why no next trial can be designed; empty where one is, or none is wanted.
@@ -72,6 +73,7 @@ class Outcome:
     screening_cautions: tuple[str, ...]
     contenders: Contenders | None
     summary: Summary
+    disagreements: tuple[Finding, ...] = ()
     seal: str = ""
     undesigned: str = ""
     cross_validation: CrossValidation | None = None

@@ -256,6 +256,10 @@ def work_of(name: str) -> Work:
             return _selection()
         case "chosen":
             return Work(lambda estimates, selection: estimates[selection.chosen])
+        case "average":
+            from seatrial.campaign.inference.structure_average import average_of
+
+            return Work(average_of)
         case "full":
             return Work(lambda estimates: estimates[0])
         case "known":
@@ -276,9 +280,7 @@ def work_of(name: str) -> Work:
         case "predictions":
             from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
 
-            return Work(
-                predict_all, lambda campaign, chosen, trials: [stored_predictions(campaign.folder, chosen, trials)]
-            )
+            return Work(predict_all, lambda campaign, *others: [stored_predictions(campaign.folder, *others)])
         case "baselines":
             from seatrial.campaign.inference.baselines import fit_all_baselines, stored_baselines
 
@@ -395,11 +397,14 @@ LOOP = (
     Step("estimates", ("candidates", "trials", "reporter"), "posterior/*.nc", listed="estimate", command="estimate"),
     Step("selection", ("candidates", "trials", "reporter"), "selection.json", listed="select", command="select"),
     Step("chosen", ("estimates", "selection")),
+    Step("average", ("candidates", "estimates", "selection")),
     Step("full", ("estimates",)),
     Step("known", ("candidates", "chosen", "trials"), "known/*.json"),
     Step("promised", ("campaign", "first"), "known/design.json"),
     Step("filter", ("candidates", "full", "trials"), "filter.nc"),
-    Step("predictions", ("candidates", "chosen", "trials"), "predictions.nc", listed="predict", command="run"),
+    Step(
+        "predictions", ("candidates", "chosen", "trials", "average"), "predictions.nc", listed="predict", command="run"
+    ),
     Step("baselines", ("campaign", "trials", "reporter"), "baselines.nc"),
     Step("next", ("candidates", "chosen", "reporter"), "next.nc", listed="next", command="next"),
     Step("contenders", ("candidates", "selection", "trials", "reporter"), "contenders.json"),
