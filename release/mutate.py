@@ -81,8 +81,6 @@ EQUIVALENT: dict[str, str] = {
     "src/seatrial/filters/run.py, _pass: begin = (_arrays(start), tuple(control[0]), step[0], grows[0], zero, zero) => "
     "begin = (_arrays(start), tuple(control[0]), step[0], grows[1], zero, zero)": "the growth before the first sample, to which "
     "nothing is predicted",
-    'studies/remus100/prior_monte_carlo.py, _begin: filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 0)), mode="edge") '
-    '=> filled = jnp.pad(draws, ((0, -draws.shape[0] % size), (0, 1)), mode="edge")': "a column more, which no likelihood reads",
     "src/seatrial/estimation/regression/regressor_noise.py, _at: trial, signals={**trial.signals, **{name: trial.signals[name] + times * e "
     "for name, e in noise.items()}} => trial, signals={**trial.signals, **{name: trial.signals[name] - times * e "
     "for name, e in noise.items()}}": "each noise is added and subtracted anyway, and the mean of both taken",

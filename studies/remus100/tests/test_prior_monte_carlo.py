@@ -2,99 +2,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.special import logsumexp
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.estimation.posterior.output_error import output_error
-from seatrial.estimation.priors import Normal, Uniform
-from studies.remus100 import prior_monte_carlo as early_stop
+from seatrial.estimation.priors import Normal
 from studies.remus100.prior_monte_carlo import (
-    MARGIN,
     _pool,
     _refusal,
     draw_by_name,
     listing_one,
-    log_likelihoods,
     prior_evidence,
 )
-from tests.cases import TRUTH, U0, paper_model
 from tests.estimation_cases import (
     GOLDEN_LOG_EVIDENCE,
     golden_posterior,
     linear_gaussian,
-    make_trial,
-    naive_doublets,
-    naive_speed,
     posterior,
 )
 
 KEY = jax.random.key(1)
 PAIR = linear_gaussian(2)
-
-
-def surge(*free):
-    """Two trials of unequal length, with samples missing, two channels and unknown noise, under the paper's wide priors."""
-    records, rng = [], np.random.default_rng(3)
-    for label, n, start in (("a", 730, U0), ("b", 410, 1.2)):
-        time = np.arange(n) * 0.02
-        rev_per_s = naive_doublets(time, 200, 4, active=8)
-        speed = naive_speed(rev_per_s, np.full(n, 0.02), start) + 0.05 * rng.normal(size=n)
-        speed[100:130] = np.nan
-        records.append(make_trial(time, rev_per_s, label, u=speed, udot=0.1 * rng.normal(size=n)))
-    likelihood, data = output_error(paper_model(*free), records, ["u", "udot"], [[U0], [1.2]])
-    true = {**TRUTH, "X_du3": 0.1}
-    priors = {
-        name: Uniform(0.5 * true[name] - 2 * abs(true[name]), 0.5 * true[name] + 2 * abs(true[name])) for name in free
-    }
-    return posterior({**priors, "sigma_u": Uniform(0.0, 0.1), "sigma_udot": Uniform(0.0, 0.3)}, likelihood, data)
-
-
-def check_early_stop(target, n):
-    """Draws kept have the full log-likelihood, those left lie 60 nats below the best, and no printed digit changes."""
-    draws = draw_by_name(target, KEY, n)
-    quick, full = log_likelihoods(target, draws), log_likelihoods(target, draws, early_stop=False)
-    kept = np.isfinite(quick)
-    assert 0 < kept.sum() < 0.2 * n
-    assert quick[kept] == pytest.approx(full[kept], rel=1e-11)
-    assert full[~kept].max() < full.max() - MARGIN
-    assert logsumexp(quick) == pytest.approx(logsumexp(full), rel=1e-12)
-
-
-@pytest.mark.proof
-def test_early_stop_changes_nothing(monkeypatch):
-    """The best likelihood is sought after the first of 16 pieces, and whenever as much again is done: after 1, 2, 4, 8 and 16."""
-    whole, sizes = early_stop._log_likelihoods, []
-
-    def counting(posterior, values):
-        sizes.append(values.shape[0])
-        return whole(posterior, values)
-
-    monkeypatch.setattr(early_stop, "_log_likelihoods", counting)
-    check_early_stop(surge("X_u", "X_uabsu", "T_nabsn"), 1000)
-    assert len(sizes) == 5 + 1
-    assert sizes[0] == early_stop.PROMISING_DRAWS
-    assert sizes[-1] == 1000
-
-
-@pytest.mark.proof
-def test_early_stop_changes_nothing_on_the_golden_trial():
-    check_early_stop(golden_posterior("M-0 wide"), 20_000)
-
-
-@pytest.mark.proof
-def test_early_stop_saves_most_of_the_work(monkeypatch):
-    """Of the samples that 20 000 whole simulations have, one in twenty is simulated, counted in pieces of 100 by groups of 64 draws."""
-    target, n, done = golden_posterior("M-1"), 20_000, []
-
-    def counting(posterior, pieces, lanes, slots, groups, begin, end, size):
-        done.append(groups * (end - begin))
-        return go_on(posterior, pieces, lanes, slots, groups, begin, end, size)
-
-    go_on = early_stop._go_on
-    monkeypatch.setattr(early_stop, "_go_on", counting)
-    log_likelihoods(target, draw_by_name(target, KEY, n))
-    whole = -(-target.data.step.size // early_stop.PIECE) * -(-n // 64)
-    assert 0.01 * whole < sum(done) < 0.1 * whole
 
 
 @pytest.mark.proof
@@ -147,20 +73,13 @@ def test_a_parameter_keeps_its_draws_beside_others():
     assert abs(np.corrcoef(second.T)[0, 1]) < 0.4
 
 
-def test_any_other_likelihood_is_computed_in_full():
-    draws = draw_by_name(PAIR.posterior, KEY, 70)
-    assert (log_likelihoods(PAIR.posterior, draws) == log_likelihoods(PAIR.posterior, draws, early_stop=False)).all()
-
-
 def test_no_draw_can_be_simulated():
     target = posterior({"a": Normal(0.0, 1.0)}, lambda v, data: jnp.full((), -jnp.inf))
     with pytest.raises(NumericalError, match="Narrow the prior"):
         prior_evidence(target, KEY, draws=100)
 
 
-@pytest.mark.parametrize(
-    "given", [{"prior_probability": [1.0]}, {"prior_probability": [1.0, 0.0]}, {"draws": 0}, {"repeats": 0}]
-)
+@pytest.mark.parametrize("given", [{"draws": 0}, {"repeats": 0}])
 def test_bad_settings(given):
     with pytest.raises(InputError, match="Listing 1"):
         listing_one([PAIR.posterior] * 2, KEY, **given)
@@ -190,11 +109,6 @@ def test_no_verdict_is_given_on_fewer_than_400_effective_draws(least, refused):
     said = _refusal(np.array([[900.0, least], [800.0, 1000.0]]), 5000)
     assert bool(said) == refused
     assert not refused or "of 5000 prior draws only 399.0 count (median over repeats 850.0" in said
-
-
-def test_one_draw_and_small_prior_probabilities_are_allowed():
-    found = listing_one([PAIR.posterior] * 2, KEY, draws=1, repeats=1, shared=True, prior_probability=[0.1, 0.3])
-    assert found.probability == pytest.approx(np.array([[0.25, 0.75]]))
 
 
 def test_repeats_and_models_draw_by_themselves():
