@@ -1,5 +1,6 @@
 """Errors beside the noise: dense densities, closed forms, and vehicles with something that no term of the model has."""
 
+import jax
 import numpy as np
 import pytest
 from scipy import stats
@@ -9,15 +10,18 @@ from seatrial.estimation.diagnostics.error_budget import (
     EXACT,
     LinearModel,
     Option,
+    cut,
+    edges_of,
     error_budget,
     half_width,
+    inside,
     noise_shapes,
 )
 from seatrial.estimation.diagnostics.error_sources import StatedErrors, lay_out, linearise
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.posterior.record_posterior import make_posterior
-from seatrial.estimation.priors import LogUniform, Normal
+from seatrial.estimation.priors import LogUniform, Normal, Uniform
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.trial_data import FOREVER, channel_data
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
@@ -36,6 +40,61 @@ def test_half_width_is_the_quantile_of_a_mixture():
     inside = np.mean(np.abs(drawn) < half_width(weight, shift, sd), 0)
     assert np.abs(inside - 0.9).max() < 4 * np.sqrt(0.09 / which.size)
     assert half_width(np.ones(1), np.zeros((1, 1)), np.ones((1, 1)))[0] == pytest.approx(1.644854, rel=1e-6)
+
+
+@pytest.mark.parametrize("edges", [(-0.3, 0.8), (-np.inf, -1.5), (3.0, np.inf), (-9.0, np.inf)])
+def test_a_cut_normal_has_the_moments_of_a_dense_sum(edges):
+    """The first of two correlated parameters is cut; the other follows it."""
+    mean, cov = np.array([0.2, -1.0]), np.array([[0.7, 0.5], [0.5, 1.1]])
+    axes = np.linspace(-9, 9, 2401), np.linspace(-10, 8, 601)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    density = stats.multivariate_normal(mean, cov).pdf(points) * np.prod([one[1] - one[0] for one in axes])
+    apart = np.minimum(points[..., 0] - edges[0], edges[1] - points[..., 0]) / (axes[0][1] - axes[0][0])
+    weight = density * np.clip(apart + 0.5, 0, 1)
+    values, spread, log_share = cut(mean[None], cov[None], np.array([edges, (-np.inf, np.inf)]))
+    expected = np.tensordot(weight, points, 2) / weight.sum()
+    off = points - expected
+    assert np.exp(log_share[0]) == pytest.approx(weight.sum(), rel=2e-3)
+    np.testing.assert_allclose(values[0], expected, atol=2e-3)
+    np.testing.assert_allclose(spread[0], np.einsum("ij,ijk,ijl->kl", weight, off, off) / weight.sum(), atol=2e-3)
+
+
+@pytest.mark.parametrize("beyond", [-1.0, 1.0, 3.0])
+def test_a_box_that_cuts_the_posterior_has_the_evidence_of_a_dense_sum(beyond):
+    """The bound lies some standard deviations below the mode without it: at 3 the mode lies at the bound. Uniform in both boxes."""
+    posterior = posterior_of(terms=("X_uabsu", "T_nabsn"), start=1e-5, drag=(-6.0, -1.0))
+    mode = find_mode(posterior, 0, starts=64, tries=1)
+    bound = mode.by_name["X_uabsu"] - beyond * mode.sd[mode.names.index("X_uabsu")]
+    logs = []
+    for upper in (-1.0, bound):
+        narrow = posterior_of(terms=("X_uabsu", "T_nabsn"), start=1e-5, drag=(-6.0, upper))
+        here = find_mode(narrow, 0, starts=64, tries=1)
+        at = lay_out(narrow, inside(here.z, edges_of(narrow)), EXACT, among=())
+        model = LinearModel(narrow, at)
+        model.channels = [(count, shapes[:1]) for count, shapes in model.channels]
+        logs.append(model.members([{}])[0].log_density + model.height.sum())
+    values = mode.by_name
+    grid = {
+        name: np.linspace(*(values[name] + side * mode.sd[mode.names.index(name)] for side in (-7, 7)), 141)
+        for name in ("X_uabsu", "T_nabsn")
+    }
+    both = np.meshgrid(*grid.values(), indexing="ij")
+    z = np.tile(mode.z, (both[0].size, 1))
+    for name, column in zip(grid, both, strict=True):
+        prior = {one.name: one.prior for one in posterior.parameters}[name]
+        z[:, mode.names.index(name)] = np.asarray(prior.unconstrain(column.ravel()))
+    density = np.exp(np.asarray(jax.vmap(posterior.log_density)(z)) - mode.log_density).reshape(both[0].shape).sum(1)
+    share = np.interp(bound, grid["X_uabsu"], np.cumsum(density) - 0.5 * density) / density.sum()
+    assert logs[1] - logs[0] == pytest.approx(np.log(share) - np.log((bound + 6.0) / 5.0), abs=0.1)
+
+
+def test_a_delay_at_its_bound_leaves_the_other_errors_in_place():
+    """A delay of none is at the lower bound of its prior, as that of many vehicles: the effects are weighed all the same."""
+    posterior = posterior_of(delay=True)
+    budget = error_budget(posterior, find_mode(posterior, 0, starts=64, tries=1))
+    assert budget.tried
+    assert np.isfinite(budget.ratio).all()
+    assert min(budget.ratio[budget.names.index(name)] for name in TRUTH) > 3
 
 
 @pytest.mark.parametrize("noise", ["white", "coloured", "drifting"])
@@ -80,7 +139,19 @@ SLOW = {
 
 
 def posterior_of(
-    lag=0.0, cubic=0.0, seed=1, noise="white", drift=0.0, late=0, terms=tuple(TRUTH), loss=0.0, slack=0.0, half=0.0
+    lag=0.0,
+    cubic=0.0,
+    seed=1,
+    noise="white",
+    drift=0.0,
+    late=0,
+    terms=tuple(TRUTH),
+    loss=0.0,
+    slack=0.0,
+    half=0.0,
+    start=0.3,
+    drag=None,
+    delay=False,
 ):
     """One record by a loop of its own, midpoint steps, fitted without lag, backlash, loss of thrust, and drag that is cubic or as u^1.5;
     its sensor may drift within 3 s, and its clock be late by some samples."""
@@ -110,8 +181,9 @@ def posterior_of(
         noisy[k] += slow
     record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=noisy)
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
-    priors = {name: priors[name] for name in terms}
-    priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, 0.3)} | SLOW[noise]
+    priors = {name: priors[name] for name in terms} | ({"X_uabsu": Uniform(*drag)} if drag else {})
+    priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, start)} | SLOW[noise]
+    priors |= {"delay": Uniform(0.0, 1.0)} if delay else {}
     return make_posterior(whole_vehicle(FIXED_HULL, terms, moves=("u",)), record, priors, [Sensor("u", noise)])
 
 

@@ -250,7 +250,7 @@ REMEDIES = {
 def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
     """Return what a ± contains beside the noise."""
     if not budget.tried:
-        return "± contains the noise alone: beside process noise, or about a bound of a prior, other errors are not weighed"
+        return "± contains the noise alone: beside process noise other errors are not weighed"
     words = {
         "inertia": f"inertia {percent(stated.inertia)}",
         "scale": f"scale of speed sensors {percent(stated.scale)}",

@@ -18,14 +18,14 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
-from scipy.special import gammaln, log_expit, logsumexp, stdtr, stdtrit
+from scipy.special import gammaln, logsumexp, stdtr, stdtrit
 
 from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.errors import NumericalError
 from seatrial.estimation.posterior.mode import Mode, find_mode, triangular_root
 from seatrial.estimation.posterior.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior.posterior import Posterior
-from seatrial.estimation.priors.box import CORNER
+from seatrial.estimation.priors.box import bent, log_slopes, straightened
 from seatrial.sampling.diagnostics import MIN_ESS
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import EvidenceSettings
@@ -34,7 +34,6 @@ from seatrial.selection.verdict import Evidence
 FREEDOM = 8.0
 WIDE_SHARE, WIDE_SCALE = 0.2, 2.0  # Share of the widened component, and its standard deviations over those of the other
 LEANING_DISTANCE = 4.0  # Standard deviations from a bound within which a posterior leans on it
-BEND_LENGTH = float(np.sqrt(12.0)) / CORNER  # Length of z over which the map of a prior bends into a bound
 NO_EDGES = np.array([[-np.inf, np.inf]])  # Edges of components of which none is cut
 # Efficiency at which the proposal is not refitted any more, unless the tail of the weights is too heavy.
 GOOD_EFFICIENCY = 0.5
@@ -185,7 +184,7 @@ def laplace_proposal(mode: Mode, edges: Float[np.ndarray, "d 2"] = NO_EDGES) -> 
     """
     values, vectors = np.linalg.eigh(mode.precision)
     factor = triangular_root(vectors / np.sqrt(np.maximum(values, 1.0)))
-    slope = np.exp(_log_slopes(mode.z, edges))
+    slope = np.exp(log_slopes(mode.z, edges))
     on_line = ProposalComponent(straightened(mode.z, edges), slope[:, None] * factor)
     return _cut(ProposalComponent(mode.z, factor), on_line, edges)
 
@@ -195,35 +194,6 @@ def _cut(free: ProposalComponent, on_line: ProposalComponent, edges: Float[np.nd
     sd = np.sqrt(np.sum(on_line.factor**2, 1))
     leans = np.any(np.abs(edges - on_line.centre[:, None]) < LEANING_DISTANCE * sd[:, None], axis=1)
     return on_line._replace(edges=np.where(leans[:, None], edges, NO_EDGES)) if leans.any() else free
-
-
-def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
-    """Return z on the straight lines that the maps of the priors bend into the bounds; as it is where there are no edges."""
-    line = np.array(z, float)
-    for place in np.flatnonzero(np.isfinite(edges).any(1)):
-        low, high = edges[place]
-        above, below = (line[..., place] - low) / BEND_LENGTH, (high - line[..., place]) / BEND_LENGTH
-        # From the nearer edge, so that what is close to it keeps its digits; the other may be infinite.
-        with np.errstate(invalid="ignore"):
-            from_low = low + BEND_LENGTH * (np.logaddexp(0.0, above) - np.logaddexp(0.0, -below))
-            from_high = high - BEND_LENGTH * (np.logaddexp(0.0, below) - np.logaddexp(0.0, -above))
-        line[..., place] = np.where(above < below, from_low, from_high)
-    return line
-
-
-def bent(line: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
-    """Return z of places on the straight lines, the inverse of `straightened`."""
-    inside = np.clip(line, np.nextafter(edges[:, 0], np.inf), np.nextafter(edges[:, 1], -np.inf))
-    low, high = (
-        np.log(-np.expm1((edges[:, 0] - inside) / BEND_LENGTH)),
-        np.log(-np.expm1((inside - edges[:, 1]) / BEND_LENGTH)),
-    )
-    return inside + BEND_LENGTH * (low - high)
-
-
-def _log_slopes(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
-    """Return the log of the slope of the straight line over z, by component."""
-    return log_expit((z - edges[:, 0]) / BEND_LENGTH) + log_expit((edges[:, 1] - z) / BEND_LENGTH)
 
 
 def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Weights:
@@ -372,7 +342,7 @@ def _log_proposal(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> F
     plain, wide = _log_steps(proposal, steps), _log_steps(proposal, steps, WIDE_SCALE)
     log_density = np.logaddexp(np.log(1.0 - WIDE_SHARE) + plain, np.log(WIDE_SHARE) + wide)
     volume = np.sum(np.log(np.diag(_order(proposal)[1])))
-    return log_density - volume + _log_slopes(z, proposal.edges).sum(1)
+    return log_density - volume + log_slopes(z, proposal.edges).sum(1)
 
 
 def _log_steps(

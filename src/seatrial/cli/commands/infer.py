@@ -91,6 +91,10 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
                 value += f", with every error {row.log_evidence_with_errors:.3f}"
             answer.say(f"{row.label}  {value}  probability {row.probability:.3f}  {' '.join(row.terms)}")
             answer.say(f"  {agreement_words(evidence, row.log_evidence_needed)}")
+        if any(row.log_evidence_with_errors is not None for row in selection.rows):
+            answer.say(
+                "probabilities are of the evidences with every error: averaged over the errors that a ± contains, also slow noise"
+            )
         for verdict in selection.verdicts:
             answer.say(verdict)
         answer.give_result(selection)

@@ -15,6 +15,10 @@ the mode and such with a smaller slow part: what a source explains was a part of
 sensitivities are found anew at the values of the best one, until these stay. The stated smooth force is added to the sets once their
 probabilities are known: it would take up what an effect explains, and hide its size.
 
+Parameters are those on the straight lines that the maps of priors bend into their bounds: a box is flat there, and cut. A set's density is
+times the share of its normal density between the bounds, one parameter after the other, and its values and covariance are the moments of
+what is left, exact of one parameter that is cut.
+
 A parameter lies within x of its value at the mode with the probability sum_S p_S [Phi((x - shift_S) / sd_S) - Phi((-x - shift_S) / sd_S)]
 (Hoeting et al., Statistical Science 14, 1999). The standard deviation with all errors is the x of 90 %, over that of one normal
 density: the variance of the average would be that of sets of little probability.
@@ -31,7 +35,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.special import ndtr, ndtri
+from scipy.special import log_ndtr, ndtr, ndtri
 
 from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_kind
@@ -50,6 +54,7 @@ from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import Prior, Uniform
+from seatrial.estimation.priors.box import bent, log_slopes, straightened
 from seatrial.estimation.simulation.sensor_errors import (
     Sensor,
     correlation_name,
@@ -88,6 +93,10 @@ MIN_ALIKE_SHARE = 0.05  # Probability of an effect in place of the one that is f
 MAX_LEFT = 0.8  # Share of the variance of each channel that slow residuals leave from which a model describes nothing
 MAX_CAUSES, MIN_CAUSE_SHARE = 3, 0.5  # Sources named as a cause at most, and their share of what the first of them adds
 TINY = float(np.finfo(float).tiny)
+LOG_ROOT = 0.5 * float(np.log(2.0 * np.pi))
+# Distances in z from a bound: within which the motion is not linearised, and from which on a prior has no bend. Slope of the map of a
+# prior below which a mode lies at a bound, and least variance that a cut leaves, over that before it.
+NEAR_BOUND, CLEAR, MIN_SLOPE, MIN_NARROWED = 0.01, 0.25, 0.5, 1e-9
 SMOOTH = "smooth force"
 MIN_WEIGHT = 1e-4  # Probability of a set, over that of the best, below which it is left out of the average
 ORIGINS = ("noise", "stated", "runs", "model")
@@ -166,11 +175,7 @@ class ErrorBudget:
 
     @property
     def _remarks(self) -> list[str]:
-        return (
-            []
-            if self.tried
-            else ["the noise alone: beside process noise, or about a bound of a prior, other errors are not weighed"]
-        )
+        return [] if self.tried else ["the noise alone: beside process noise other errors are not weighed"]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -228,9 +233,10 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     if not isinstance(posterior.likelihood, OutputError):
         return alone
     model, members = follow_sources(posterior, mode, stated)
-    if not (members := [one for one in members if np.isfinite(one.log_density)]):
-        return alone  # a mode at the bound of a prior, about which nothing is normal
-    sd = np.sqrt(np.diag(mode.cov))
+    edges = edges_of(posterior)
+    x, slope = straightened(mode.z, edges), np.exp(log_slopes(mode.z, edges))
+    # About a bound the normal approximation says nothing of a parameter, of the others that they hold with it.
+    sd = np.where(slope > MIN_SLOPE, np.sqrt(np.diag(mode.cov)) * slope, np.inf)
     moving = {place: k for k, place in enumerate(model.moving)}
     ratio, shares = np.ones(len(names)), shares.copy()
     weight = np.exp([one.log_density - members[0].log_density for one in members])
@@ -238,16 +244,16 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     widened = model.with_force(stated.force, members)
     causes: list[tuple[Effect, ...]] = [()] * len(names)
     for k, place in enumerate(shared):
-        if place not in moving:
+        if place not in moving or np.isinf(sd[place]):
             continue
         at = moving[place]
-        shift = np.array([one.values[at] - mode.z[place] for one in widened]) / sd[place]
+        shift = np.array([one.values[at] - x[place] for one in widened]) / sd[place]
         width = np.array([np.sqrt(one.cov[at, at]) for one in widened]) / sd[place]
         ratio[k] = max(1.0, half_width(weight, shift[:, None], width[:, None])[0] / ndtri(BAND))
-        added = model.added(widened, weight, at, mode.z[place])
+        added = model.added(widened, weight, at, x[place])
         shares[:, k] = _by_origin(model.sources, added)
         causes[k] = _most(model.sources, added[1:])
-    omitted = _omitted(model, members, weight, mode, shared, moving, sd)
+    omitted = _omitted(model, members, weight, x, shared, moving, sd)
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
     slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
@@ -315,7 +321,10 @@ class LinearModel:
         noise = likelihood.noise_parameters
         self.sources, self.at = at.sources, at
         self.moving = [i for i in posterior.places if names[i] not in noise]
-        expected = linearise(posterior, at)
+        edges = edges_of(posterior)
+        self.x, slope = straightened(at.z, edges), np.exp(log_slopes(at.z, edges))
+        self.edges = edges[self.moving]
+        expected = [_along(rows, at.z, self.x, slope) for rows in linearise(posterior, at)]
         self.is_finite = all(np.isfinite(one).all() for one in expected)
         values = dict(zip(names, np.asarray(posterior.constrain(at.z)), strict=True))
         kept = np.r_[0, 1 + np.array(self.moving, int), 1 + len(names) + np.arange(at.sizes.size)]
@@ -325,9 +334,12 @@ class LinearModel:
             shapes = noise_shapes(sensor, values, channel, rows[..., kept]) if self.is_finite else []
             self.channels.append((float(np.asarray(channel.present).sum()), shapes))
             self.first.append((0, float(values[noise_name(sensor.channel)])))
-        prior = np.asarray(expand_prior(posterior, at.z)[0])[:, self.moving]
+        # Where a map bends, its slope is a part of the density of the prior; on the line it is none.
+        clear = np.clip(self.x, edges[:, 0] + CLEAR, edges[:, 1] - CLEAR)
+        prior = np.asarray(expand_prior(posterior, clear)[0])[:, self.moving]
         self.curvature = np.maximum(-prior[2], TINY)
-        self.peak = at.z[self.moving] + prior[1] / self.curvature
+        self.peak = clear[self.moving] + prior[1] / self.curvature
+        self.height = prior[0] + 0.5 * prior[1] ** 2 / self.curvature
         self.options = self._options({one.name: one.prior for one in posterior.parameters})
 
     def _options(self, priors: Mapping[str, Prior]) -> dict[int, list[Option]]:
@@ -388,17 +400,16 @@ class LinearModel:
             for c, own in enumerate(sums):
                 shape, sd = (np.array([noise[i][c][part] for i in left]) for part in (0, 1))
                 information += own[shape.astype(int)[:, None, None], rows, columns_of] / sd[:, None, None] ** 2
-            values, log_volume, cov = _solve(information, precision[left], mean[left])
-            away, density, found = np.zeros((left.size, sums[0].shape[1])), np.zeros(left.size), []
-            np.put_along_axis(away, here, np.c_[np.ones(left.size), -values], 1)
-            for (count, _), own, log_sd in zip(self.channels, sums, log_sds, strict=True):
-                square = ((away @ own) * away).sum(2)  # of all columns: one product of matrices for each shape
+            peak, log_volume, cov = _solve(information, precision[left], mean[left])
+            values, cov, log_share = cut(peak, cov, self.edges)
+            density, found = log_share, []
+            squares = [self._squares(here, one, sums) for one in (values, peak)]
+            for (count, _), log_sd, square, least in zip(self.channels, log_sds, *squares, strict=True):
                 sd = np.sqrt(np.maximum(square, TINY) / max(count, 1.0))
-                each = -log_sd - count * np.log(sd) - 0.5 * count
-                best = np.argmax(each, 0)
-                found.append([(int(b), float(sd[b, i])) for i, b in enumerate(best)])
-                density += each[best, np.arange(left.size)]
-            off = values - mean[left]
+                best = np.argmax(-log_sd - count * np.log(sd), 0), np.arange(left.size)
+                found.append([(int(shape), float(sd[shape, i])) for i, shape in enumerate(best[0])])
+                density += -log_sd[best[0], 0] - count * np.log(sd[best]) - 0.5 * least[best] / sd[best] ** 2
+            off = peak - mean[left]
             density += -0.5 * (precision[left] * off**2).sum(1) - log_volume + 0.5 * np.log(spread[left]).sum(1)
             for j, i in enumerate(left):
                 noise[i] = [one[j] for one in found]
@@ -409,6 +420,17 @@ class LinearModel:
             if not (left := left[moved]).size:
                 break
         return result
+
+    def _squares(
+        self,
+        among: Int[np.ndarray, "g q"],
+        values: Float[np.ndarray, "g q"],
+        sums: Sequence[Float[np.ndarray, "h a a"]],
+    ) -> list[Float[np.ndarray, "h g"]]:
+        """Return for each channel the squares that g sets leave under noise of each of h shapes."""
+        away = np.zeros((len(values), sums[0].shape[1]))
+        np.put_along_axis(away, among, np.c_[np.ones(len(values)), -values], 1)
+        return [((away @ own) * away).sum(2) for own in sums]  # of all columns: one product of matrices for each shape
 
     def average(self, kinds: Sequence[str] = ()) -> list[Member]:
         """Return sets of sources, the most probable first.
@@ -598,7 +620,8 @@ def _follow_best(
     among: Collection[Effect] | None,
 ) -> tuple[LinearModel, Member]:
     """Follow the best set of sources, but for some kinds, from the mode to where it stays."""
-    at = lay_out(posterior, mode.z, stated, among=among)
+    edges = edges_of(posterior)
+    at = lay_out(posterior, inside(mode.z, edges), stated, among=among)
     assert at is not None, "the motion at the mode is finite"
     known = model = LinearModel(posterior, at)
     z, sizes, lags = at.z, at.sizes, at.lags
@@ -606,9 +629,10 @@ def _follow_best(
         if model is not None and model.is_finite:
             known, best = model, model.average(left_out)[0]
             k = len(known.moving)
-            z, sizes = known.at.z.copy(), np.zeros(known.at.sizes.size)
-            z[known.moving], sizes[best.columns] = best.values[:k], best.values[k:]
-            moved = np.abs(z - known.at.z)[known.moving] / np.sqrt(np.diag(best.cov)[:k])
+            x, sizes = known.x.copy(), np.zeros(known.at.sizes.size)
+            x[known.moving], sizes[best.columns] = best.values[:k], best.values[k:]
+            z = inside(bent(x, edges), edges)
+            moved = np.abs(straightened(z, edges) - known.x)[known.moving] / np.sqrt(np.diag(best.cov)[:k])
             lags, own = _follow_lags(known, sizes)
             if moved.max(initial=0.0) < SETTLED and all(b / a < WIDE_LAGS for a, b in lags.values()):
                 break
@@ -643,7 +667,7 @@ def _omitted(
     model: LinearModel,
     members: Sequence[Member],
     weight: Float[np.ndarray, " s"],
-    mode: Mode,
+    x: Float[np.ndarray, " d"],
     shared: Int[np.ndarray, " k"],
     moving: Mapping[int, int],
     sd: Float[np.ndarray, " d"],
@@ -666,7 +690,7 @@ def _omitted(
         if at.size > 1 and not is_late:  # of runs, or of places: no one size
             size, error = abs(source.worth) * float(np.sqrt(np.mean(best.values[at] ** 2))), 0.0
         shift = np.array(
-            [(best.values[moving[place]] - mode.z[place]) / sd[place] if place in moving else 0.0 for place in shared]
+            [(best.values[moving[place]] - x[place]) / sd[place] if place in moving else 0.0 for place in shared]
         )
         rivals = {
             j: float(weight[[j in one and i not in one for one in within]].sum()) for j in model.options if j != i
@@ -703,6 +727,53 @@ def _solve(
     cov = np.linalg.inv(whole) / pairs
     log_volume = np.log(np.einsum("gii->gi", root) * size).sum(1)
     return np.einsum("gij,gj->gi", cov, information[:, 1:, 0] + precision * mean), log_volume, cov
+
+
+def edges_of(posterior: Posterior) -> Float[np.ndarray, "d 2"]:
+    """Return between which edges the map of each prior is straight, in z."""
+    return np.array([one.prior.edges for one in posterior.parameters])
+
+
+def inside(z: Float[np.ndarray, " d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, " d"]:
+    """Return z no nearer to a bound than where a value still follows it."""
+    return bent(np.clip(straightened(z, edges), edges[:, 0] + NEAR_BOUND, edges[:, 1] - NEAR_BOUND), edges)
+
+
+def _along(
+    rows: Float[np.ndarray, "trials n a"],
+    z: Float[np.ndarray, " d"],
+    x: Float[np.ndarray, " d"],
+    slope: Float[np.ndarray, " d"],
+) -> Float[np.ndarray, "trials n a"]:
+    """Return what is expected of a channel and its slopes along straight lines x, from those along z; see `linearise`."""
+    d = z.size
+    along = rows[..., 1 : 1 + d] / slope
+    expected = rows[..., 0] - rows[..., 1 : 1 + d] @ z + along @ x
+    return np.concatenate([expected[..., None], along, rows[..., 1 + d :]], -1)
+
+
+def cut(
+    values: Float[np.ndarray, "g q"], cov: Float[np.ndarray, "g q q"], edges: Float[np.ndarray, "k 2"]
+) -> tuple[Float[np.ndarray, "g q"], Float[np.ndarray, "g q q"], Float[np.ndarray, " g"]]:
+    """Return the moments of normal densities cut at the edges of the first k parameters, and the logs of the shares that are left."""
+    log_share = np.zeros(len(values))
+    for k in np.flatnonzero(np.isfinite(edges).any(1)):
+        sd = np.sqrt(cov[:, k, k])
+        low, high = (edges[k] - values[:, k, None]).T / sd
+        turned = np.where(low > -high, -1.0, 1.0)  # the tail in which logs keep their digits
+        low, high = np.where(turned < 0, -high, low), np.where(turned < 0, -low, high)
+        log_high = log_ndtr(high)
+        share = log_high + np.log(-np.expm1(np.minimum(log_ndtr(low) - log_high, -TINY)))
+        at_low, at_high = (np.exp(-0.5 * edge**2 - LOG_ROOT - share) for edge in (low, high))
+        shift = at_low - at_high
+        with np.errstate(invalid="ignore"):
+            ends = [np.where(density > 0, edge * density, 0.0) for edge, density in ((low, at_low), (high, at_high))]
+        narrowed = np.clip(1.0 + ends[0] - ends[1] - shift**2, MIN_NARROWED, 1.0)
+        column = cov[:, :, k] / sd[:, None]
+        values = values + column * (turned * shift)[:, None]
+        cov = cov + column[:, :, None] * column[:, None, :] * (narrowed - 1.0)[:, None, None]
+        log_share = log_share + share
+    return values, cov, log_share
 
 
 def half_width(

@@ -14,13 +14,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.estimation.diagnostics.error_budget import EXACT, LinearModel, Shape, follow_sources
+from seatrial.estimation.diagnostics.error_budget import (
+    EXACT,
+    LOG_ROOT,
+    LinearModel,
+    Shape,
+    edges_of,
+    follow_sources,
+    inside,
+)
 from seatrial.estimation.diagnostics.error_sources import StatedErrors, lay_out
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
-
-_LOG_TWO_PI = float(np.log(2.0 * np.pi))
+from seatrial.estimation.priors.box import log_slopes
 
 
 def log_evidence_gains(
@@ -43,7 +50,7 @@ def log_evidence_gains(
     for i, one in enumerate(posteriors):
         groups.setdefault((id(one.likelihood), id(one.data)), []).append(i)
     hosts = [_host([posteriors[i] for i in own], [known[i] for i in own]) for own in groups.values()]
-    laid = [lay_out(posterior, mode.z, stated) for posterior, mode in hosts]
+    laid = [lay_out(posterior, inside(mode.z, edges_of(posterior)), stated) for posterior, mode in hosts]
     if any(one is None for one in laid):
         return None
     among = frozenset.intersection(*(frozenset(source.effect for source in one.sources) for one in laid if one))
@@ -52,17 +59,14 @@ def log_evidence_gains(
         model, _ = follow_sources(host, mode, stated, among)
         for i in own:
             narrow = _narrowed(model, host, posteriors[i])
-            totals[i] = np.logaddexp.reduce([one.log_density for one in narrow.average()])
-            totals[i] += _constant(narrow, posteriors[i])
+            totals[i] = np.logaddexp.reduce([one.log_density for one in narrow.average()]) + _constant(narrow)
     within = np.array([mode.log_evidence for mode in known])
     best = int(np.argmax(within))
-    at = lay_out(posteriors[best], known[best].z, EXACT, among=())
+    at = lay_out(posteriors[best], inside(known[best].z, edges_of(posteriors[best])), EXACT, among=())
     assert at is not None, "the motion at the mode is finite"
     alone = LinearModel(posteriors[best], at)
     alone.channels = [(count, shapes[:1]) for count, shapes in alone.channels]  # the noise as it is modelled
-    same = (
-        within[best] - alone.members([{}])[0].log_density - _constant(alone, posteriors[best])
-    )  # that of the noise: of all
+    same = within[best] - alone.members([{}])[0].log_density - _constant(alone)  # that of the noise: of all
     return (totals + same - within).tolist()
 
 
@@ -79,21 +83,22 @@ def _narrowed(model: LinearModel, host: Posterior, posterior: Posterior) -> Line
     if len(kept) == len(model.moving):
         return model
     _, value, slope, _ = map(np.asarray, expand_prior(host, model.at.z))
-    zero, count, sizes = model.at.z - value / slope, len(model.moving), model.at.sizes.size
+    zero = model.x - value / slope * np.exp(log_slopes(model.at.z, edges_of(host)))
+    count, sizes = len(model.moving), model.at.sizes.size
     places = np.r_[0, 1 + np.array(kept, int), 1 + count + np.arange(sizes)]
     turn = np.eye(1 + count + sizes)[:, places]
     for k in {*range(count)} - {*kept}:
         turn[1 + k, 0] = -zero[model.moving[k]]
     narrow = copy(model)
     narrow.moving = [model.moving[k] for k in kept]
-    narrow.curvature, narrow.peak = model.curvature[kept], model.peak[kept]
+    narrow.edges, narrow.curvature = model.edges[kept], model.curvature[kept]
+    narrow.peak, narrow.height = model.peak[kept], model.height[kept]
     narrow.channels = [
         (n, [Shape(turn.T @ one.products @ turn, one.log_sd) for one in shapes]) for n, shapes in model.channels
     ]
     return narrow
 
 
-def _constant(model: LinearModel, posterior: Posterior) -> float:
+def _constant(model: LinearModel) -> float:
     """Return what the log density of a member lacks of an evidence, but for what is the same of every structure."""
-    height, slope, _ = np.asarray(expand_prior(posterior, model.at.z)[0])[:, model.moving]
-    return float((height + 0.5 * slope**2 / model.curvature + 0.5 * _LOG_TWO_PI).sum())
+    return float((model.height + LOG_ROOT).sum())

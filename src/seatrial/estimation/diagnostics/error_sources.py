@@ -95,7 +95,10 @@ class StatedErrors:
     def __post_init__(self) -> None:
         """Refuse what is no standard deviation."""
         for name, value in vars(self).items():
-            check_number(value, f"{name} of stated errors", least=0.0)
+            most = np.inf if name == "clock" else 1.0
+            check_number(
+                value, f"{name} of stated errors", least=0.0, most=most, remedy="write 0 for exact, 0.05 for 5 %"
+            )
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.special import log_expit
 
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order, is_traced
 
 CORNER = 200.0  # Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound
+BEND_LENGTH = sqrt(12.0) / CORNER  # Of z, over which it bends
 _GIVE_BOUNDS = "give the smallest and the largest value you would believe"
 
 
@@ -153,3 +157,32 @@ class LogUniform:
     def sample(self, key: jax.Array, shape: tuple[int, ...]) -> jax.Array:
         """See `Prior.sample`."""
         return self._log.sample(key, shape)
+
+
+def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return z on the straight lines that the maps of the priors bend into the bounds; as it is where there are no edges."""
+    line = np.array(z, float)
+    for place in np.flatnonzero(np.isfinite(edges).any(1)):
+        low, high = edges[place]
+        above, below = (line[..., place] - low) / BEND_LENGTH, (high - line[..., place]) / BEND_LENGTH
+        # From the nearer edge, so that what is close to it keeps its digits; the other may be infinite.
+        with np.errstate(invalid="ignore"):
+            from_low = low + BEND_LENGTH * (np.logaddexp(0.0, above) - np.logaddexp(0.0, -below))
+            from_high = high - BEND_LENGTH * (np.logaddexp(0.0, below) - np.logaddexp(0.0, -above))
+        line[..., place] = np.where(above < below, from_low, from_high)
+    return line
+
+
+def bent(line: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return z of places on the straight lines, the inverse of `straightened`."""
+    inside = np.clip(line, np.nextafter(edges[:, 0], np.inf), np.nextafter(edges[:, 1], -np.inf))
+    low, high = (
+        np.log(-np.expm1((edges[:, 0] - inside) / BEND_LENGTH)),
+        np.log(-np.expm1((inside - edges[:, 1]) / BEND_LENGTH)),
+    )
+    return inside + BEND_LENGTH * (low - high)
+
+
+def log_slopes(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
+    """Return the log of the slope of the straight line over z, by component."""
+    return log_expit((z - edges[:, 0]) / BEND_LENGTH) + log_expit((edges[:, 1] - z) / BEND_LENGTH)
