@@ -43,7 +43,7 @@ def table_3(study: Study) -> Item:
 
 
 def figure_5(study: Study) -> Item:
-    """The hierarchical model, drawn from the posterior that is sampled."""
+    """The hierarchical model: the parameters of the posterior that is sampled, and their priors."""
     posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
     wanted = {*NAMES, "sigma_u"}
     return Item(

@@ -17,7 +17,6 @@ from studies.remus100.filters import (
     draw_figure_4,
 )
 from studies.remus100.iteration import draw_iteration
-from studies.remus100.model_graph import draw_figure_5
 from studies.remus100.reading import RPM
 from studies.remus100.study import Study
 from studies.remus100.trial import DURATION
@@ -117,13 +116,6 @@ def _relay(study: Study) -> str:
     )
 
 
-def _figure_5(study: Study) -> str:
-    return (
-        "Drawn from the posterior that is sampled. Circles are stochastic, with their prior and its unit above; rectangles "
-        "are functions of what points at them; the filled circle is observed."
-    )
-
-
 def _chain(study: Study) -> str:
     sizes = study.sizes
     return (
@@ -174,7 +166,6 @@ FIGURES: dict[str, PaperFigure] = {
     "figure-3": PaperFigure(draw_figure_3, ("figure-3",), "Entropy reduction over amplitude and period", _figure_3),
     "figure-4": PaperFigure(draw_figure_4, ("figure-4",), "The square-root filter along the chosen doublet", _figure_4),
     "relay": PaperFigure(draw_relay, ("relay",), "The self-oscillating test beside the doublet", _relay),
-    "figure-5": PaperFigure(draw_figure_5, ("figure-5",), "The hierarchical model as a graph", _figure_5),
     "figure-6": PaperFigure(chain_figure("chain-3"), ("figure-6",), "The chain of Table III", _chain),
     "listing-1": PaperFigure(
         draw_listing_1, ("listing-1",), "Listing 1 over seeds, beside four other methods", _listing_1
