@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from seatrial.campaign.inference.model_error import contradictions
 from seatrial.core.record import Channel, make_record
 from seatrial.estimation.diagnostics.error_budget import (
     EXACT,
@@ -152,6 +153,7 @@ def posterior_of(
     start=0.3,
     drag=None,
     delay=False,
+    stated=1.0,
 ):
     """One record by a loop of its own, midpoint steps, fitted without lag, backlash, loss of thrust, and drag that is cubic or as u^1.5;
     its sensor may drift within 3 s, and its clock be late by some samples."""
@@ -184,7 +186,9 @@ def posterior_of(
     priors = {name: priors[name] for name in terms} | ({"X_uabsu": Uniform(*drag)} if drag else {})
     priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, start)} | SLOW[noise]
     priors |= {"delay": Uniform(0.0, 1.0)} if delay else {}
-    return make_posterior(whole_vehicle(FIXED_HULL, terms, moves=("u",)), record, priors, [Sensor("u", noise)])
+    priors |= {"T_nabsn": Normal(TRUTH["T_nabsn"], 1e-6)} if stated != 1.0 else {}
+    hull = type(FIXED_DRAG)("hull", stated * MASS)
+    return make_posterior(whole_vehicle(hull, terms, moves=("u",)), record, priors, [Sensor("u", noise)])
 
 
 def two_axes_of(coupling, drag=0.0, seed=2):
@@ -429,6 +433,19 @@ def test_a_stated_inertia_is_in_every_force():
     assert (effect.kind, effect.of) == ("inertia", "X")
     assert abs(value) < 1.0
     assert sd == pytest.approx(1.0, abs=0.05)  # the data say nothing of it
+
+
+def test_a_stated_mass_that_the_data_contradict_is_told_with_the_right_one():
+    """The thrust is known and the mass is stated a fourth too large; with the mass that the data ask for nothing is contradicted."""
+    found = []
+    for mass, error in ((1.25, 0.05), (1.0001, 0.01)):
+        posterior, stated = posterior_of(stated=mass), StatedErrors(inertia=error, scale=0.0, clock=0.0, force=0.0)
+        found.append(contradictions(error_budget(posterior, find_mode(posterior, 0), stated), stated))
+    ((first,), second) = found
+    assert (first.code, first.values["effects"]) == ("input-contradicted", (("inertia", "X"),))
+    assert first.values["size"] == pytest.approx(-0.2, abs=4 * first.values["sd"])
+    assert 0 < first.values["sd"] < 0.02
+    assert second == []
 
 
 def runs_of(seed, count=4, differ=0.0, slow=0.0):
