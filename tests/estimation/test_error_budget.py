@@ -7,18 +7,9 @@ from scipy import stats
 
 from seatrial.campaign.inference.model_error import contradictions
 from seatrial.core.record import Channel, make_record
-from seatrial.estimation.diagnostics.error_budget import (
-    EXACT,
-    LinearModel,
-    Option,
-    cut,
-    edges_of,
-    error_budget,
-    half_width,
-    inside,
-    noise_shapes,
-)
+from seatrial.estimation.diagnostics.error_budget import EXACT, error_budget, half_width
 from seatrial.estimation.diagnostics.error_sources import StatedErrors, lay_out, linearise
+from seatrial.estimation.diagnostics.linear_model import LinearModel, Option, cut, edges_of, inside, noise_shapes
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.posterior.record_posterior import make_posterior
@@ -76,7 +67,7 @@ def test_a_box_that_cuts_the_posterior_has_the_evidence_of_a_dense_sum(beyond):
         logs.append(model.members([{}])[0].log_density + model.height.sum())
     values = mode.by_name
     grid = {
-        name: np.linspace(*(values[name] + side * mode.sd[mode.names.index(name)] for side in (-7, 7)), 141)
+        name: values[name] + mode.sd[mode.names.index(name)] * np.linspace(-7, 7, 141)
         for name in ("X_uabsu", "T_nabsn")
     }
     both = np.meshgrid(*grid.values(), indexing="ij")

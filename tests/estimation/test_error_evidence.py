@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.estimation.diagnostics.error_budget import EXACT, NOTHING
+from seatrial.estimation.diagnostics.error_budget import EXACT
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
+from seatrial.estimation.diagnostics.linear_model import NOTHING
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import posterior_of_density
 from seatrial.estimation.priors import Normal

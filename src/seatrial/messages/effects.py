@@ -16,13 +16,8 @@ if TYPE_CHECKING:
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.diagnostics.error_budget import (
-        MAX_LEFT,
-        MIN_CONTRADICTION,
-        MIN_LOG_ODDS,
-        MIN_SHIFT,
-        MIN_SLOW_RATIO,
-    )
+    from seatrial.estimation.diagnostics.error_budget import MIN_CONTRADICTION, MIN_LOG_ODDS, MIN_SHIFT, MIN_SLOW_RATIO
+    from seatrial.estimation.diagnostics.linear_model import MAX_LEFT
 
     return {
         "MIN_SHIFT": MIN_SHIFT,

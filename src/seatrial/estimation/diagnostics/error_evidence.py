@@ -14,16 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.estimation.diagnostics.error_budget import (
-    EXACT,
-    LOG_ROOT,
-    LinearModel,
-    Shape,
-    edges_of,
-    follow_sources,
-    inside,
-)
+from seatrial.estimation.diagnostics.error_budget import EXACT, follow_sources
 from seatrial.estimation.diagnostics.error_sources import StatedErrors, lay_out
+from seatrial.estimation.diagnostics.linear_model import LOG_ROOT, LinearModel, Shape, edges_of, inside
 from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
