@@ -1,21 +1,17 @@
 """Cost of trials and when to stop them, against closed forms and brute force over every end."""
 
-from math import exp, sqrt
-
 import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.design.cost import (
-    ForcePower,
-    PropellerPower,
-    TrialCost,
-    expected_cost,
+    ElectricPower,
+    expected_joules,
     gain_per_cost,
-    in_joules,
 )
 from seatrial.design.stopping import best_stops
 from seatrial.design.trial_plan import plan_trial
+from seatrial.manoeuvres.autopilot import Autopilot, Loop
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.whole import whole_vehicle
 from tests.cases import N0, RPM, TRUTH, U0, naive_rk4, paper_model, surge_rate
@@ -26,51 +22,33 @@ LINEAR = whole_vehicle(Hull("linear", MASS, fixed={"X_tau_X": 1.0}), ["X_u"], mo
 PLAN = plan_trial(LINEAR, [0.0], {"u": 0.05}, N, STEP)
 PAPER = plan_trial(paper_model(), [U0], {"u": 0.05}, N, STEP)
 VALUES = np.array([[TRUTH[name] for name in PAPER.names]])
-POINT = PropellerPower(40.0, 1500 * RPM)
-
-
-def spent_on(force, drag, length):
-    """Integral of tau u for a step from rest."""
-    return force**2 / drag * (length - MASS / drag * (1 - exp(-length * drag / MASS)))
+POINT = ElectricPower(10.0, 40.0, 1500 * RPM, "n")
+PILOT = Autopilot(("n",), (Loop("u", (("n", 1.0),), 400 * RPM, interval=STEP),), (-np.inf,), (np.inf,))
+PILOTED = plan_trial(PAPER.model, [U0], {"u": 0.05}, N, STEP, autopilot=PILOT)
 
 
 def test_energy_of_a_constant_propeller():
     speeds = np.array([0.0, 750.0, -1500.0, 3000.0]) * RPM
     controls = np.tile(speeds[:, None, None], (1, N, 1))
-    found = expected_cost(PAPER, in_joules(10.0, POINT, fixed=600.0), controls, VALUES)
-    np.testing.assert_allclose(found.mean, 600 + LENGTH * (10 + 40 * np.array([0.0, 1 / 8, 1.0, 8.0])), rtol=1e-12)
-    assert found.error.tolist() == [0.0] * 4
-    assert (found.unit, found.diverged.tolist()) == ("J", [0] * 4)
+    found = expected_joules(PAPER, POINT, controls, VALUES)
+    np.testing.assert_allclose(found, LENGTH * (10 + 40 * np.array([0.0, 1 / 8, 1.0, 8.0])), rtol=1e-12)
 
 
-def test_energy_of_a_constant_force():
-    """Ahead or astern, power is that of the force along the motion; the integral of tau u is known for a step."""
-    controls = np.tile(np.array([4.0, -8.0])[:, None, None], (1, N, 1))
-    found = expected_cost(PLAN, in_joules(3.0, ForcePower(0.5)), controls, np.array([[-DRAG]]))
-    expected = [3 * LENGTH + spent_on(force, DRAG, LENGTH) / 0.5 for force in (4.0, 8.0)]
-    np.testing.assert_allclose(found.mean, expected, rtol=1e-5)
-    assert np.isnan(found.error).all()
-
-
-def test_expectation_over_draws_and_its_error():
-    draws = -np.random.default_rng(0).normal(DRAG, 0.8, (200, 1))
-    found = expected_cost(PLAN, in_joules(0.0, ForcePower(0.5)), np.full((1, N, 1), 8.0), draws)
-    each = np.array([spent_on(8.0, -draw, LENGTH) / 0.5 for draw in draws[:, 0]])
-    assert found.mean[0] == pytest.approx(each.mean(), rel=1e-5)
-    assert found.error[0] == pytest.approx(each.std(ddof=1) / sqrt(200), rel=1e-4)
+def test_energy_under_an_autopilot_is_that_of_the_controls_it_makes():
+    """Over draws of the drag the pilot drives its propeller otherwise: the mean of what each takes, by the controls alone."""
+    asked = np.tile([N0, 1.2 * U0], (1, N, 1))
+    draws = VALUES * (1 + 0.1 * np.random.default_rng(0).normal(size=(5, 3)))
+    found = expected_joules(PILOTED, POINT, asked, draws)
+    made = np.stack([np.asarray(PILOTED.applied(draw, asked[0])) for draw in draws])
+    assert np.ptp(made) > 50 * RPM
+    np.testing.assert_allclose(found, expected_joules(PAPER, POINT, made, VALUES).mean(), rtol=1e-3)
 
 
 def test_energy_of_a_motion_that_diverges_is_infinite():
-    found = expected_cost(PLAN, in_joules(1.0, ForcePower(0.5)), np.full((1, N, 1), 8.0), np.array([[-DRAG], [1e6]]))
-    assert (found.mean[0], found.error[0], found.diverged[0]) == (np.inf, np.inf, 1)
-    assert gain_per_cost(np.array([3.0]), found.mean)[0] == 0.0
-
-
-def test_seconds_and_trials():
-    controls = np.full((2, N, 1), N0)
-    assert expected_cost(PAPER, TrialCost("s", 60.0, 1.0), controls, VALUES).mean.tolist() == [60 + LENGTH] * 2
-    assert expected_cost(PAPER, TrialCost("trials", 1.0, 0.0), controls, VALUES).mean.tolist() == [1.0] * 2
-    assert gain_per_cost(np.array([3.0, 0.0]), np.array([60.0, 90.0])).tolist() == [0.05, 0.0]
+    found = expected_joules(PILOTED, POINT, np.tile([N0, U0], (1, N, 1)), np.vstack([VALUES, VALUES * [1, -1e9, 1]]))
+    assert found.tolist() == [np.inf]
+    assert gain_per_cost(np.array([3.0, 0.0]), np.array([found[0], 90.0])).tolist() == [0.0, 0.0]
+    assert gain_per_cost(np.array([3.0]), np.array([60.0])).tolist() == [0.05]
 
 
 PRIOR = np.diag([0.3, 0.6, 2e-4]) ** 2
@@ -130,24 +108,6 @@ def test_without_time_between_trials_the_first_end_is_no_worse_than_the_last():
         for overhead in (0.0, 1e6)
     ]
     assert rates[0] < rates[1] == N * STEP
-
-
-@pytest.mark.parametrize(
-    ("cost", "where", "words"),
-    [
-        (in_joules(-1.0), "hotel load", "-1"),
-        (in_joules(1.0, fixed=float("nan")), "fixed cost", "nan"),
-        (in_joules(0.0), "trial cost", "nothing that costs"),
-        (in_joules(1.0, PropellerPower(0.0, 10.0)), "PropellerPower", "0, 10"),
-        (in_joules(1.0, ForcePower(60.0, "n")), "ForcePower", "efficiency of 60"),
-        (in_joules(1.0, ForcePower(0.6)), "ForcePower", '"tau_X", which the vehicle "paper" does not have'),
-    ],
-)
-def test_costs_that_are_refused(cost, where, words):
-    with pytest.raises(InputError) as caught:
-        expected_cost(PAPER, cost, np.full((1, N, 1), N0), VALUES)
-    assert where in caught.value.where
-    assert words in caught.value.found
 
 
 def test_gains_that_are_refused():

@@ -1,173 +1,73 @@
-"""What a trial costs: seconds, joules or just itself, and what it teaches for each of them.
+"""What a trial costs in joules, and what it teaches for each of them.
 
-    energy = fixed + integral of (hotel load + propulsion),  propeller P = P_0 |n / n_0|^3,  force P = |tau u| / efficiency
+    energy = integral of (hotel load + propulsion),  propeller P = P_0 |n / n_0|^3
 
 The cube is that of a propeller at one advance ratio (Carlton, Marine Propellers and Propulsion, 2018): a fast change of speed takes
-more than it says. A force at rest costs nothing here, though a thruster would. Nothing is won back by braking.
+more than it says. Nothing is won back by braking.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.compiled.pytrees import compiled_tree
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError
 from seatrial.design.integrals import follow_joint
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
 
 
-class Consumer(Protocol):
-    """What draws power besides the hotel load."""
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Controls and states that its power depends on."""
-        ...
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Its settings, all of which must be positive."""
-        ...
-
-    def watts(self, now: Mapping[str, Any]) -> Any:
-        """Electric power, W, from the signals at one time; traced."""
-        ...
-
-
 @compiled_tree("control")
 @dataclass(frozen=True)
-class PropellerPower:
-    """Power of a propeller through one known operating point: `power` W at the speed `at`, rad/s."""
+class ElectricPower:
+    """What a vehicle draws: `hotel` W always, and its propeller `propulsion` W at the speed `at`, rad/s."""
 
-    power: float
+    hotel: float
+    propulsion: float
     at: float
-    control: str = "n"
+    control: str
 
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Its speed."""
-        return (self.control,)
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """The operating point."""
-        return (self.power, self.at)
-
-    def watts(self, now: Mapping[str, Any]) -> Any:
-        """Cube of the speed."""
+    def driven(self, now: Mapping[str, Any]) -> Any:
+        """Power of the propeller, W, from the signals at one time: the cube of its speed; traced."""
         share = abs(now[self.control] / self.at)
-        return self.power * share * share * share
+        return self.propulsion * share * share * share
+
+    def total(self, now: Mapping[str, Any]) -> Any:
+        """All that is drawn, W, from the signals at one time; traced."""
+        return self.hotel + self.driven(now)
 
 
-@compiled_tree("force", "speed")
-@dataclass(frozen=True)
-class ForcePower:
-    """Power of a commanded force along a velocity, over the efficiency of the drive, 0 < efficiency <= 1."""
-
-    efficiency: float
-    force: str = "tau_X"
-    speed: str = "u"
-
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Force and velocity."""
-        return (self.force, self.speed)
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """The efficiency."""
-        return (self.efficiency,)
-
-    def watts(self, now: Mapping[str, Any]) -> Any:
-        """Mechanical power over the efficiency."""
-        return abs(now[self.force] * now[self.speed]) / self.efficiency
-
-
-@compiled_tree("unit")
-@dataclass(frozen=True)
-class TrialCost:
-    """Cost of a trial: fixed, plus a rate over its time. See `in_joules`.
-
-    Attributes:
-        unit: s, J, or trials.
-        fixed: spent on every trial, whatever its length: the way there, the turn, the settling.
-        rate: spent every second.
-        consumers: spend on top of the rate, W.
-    """
-
-    unit: str
-    fixed: float
-    rate: float
-    consumers: tuple[Consumer, ...] = ()
-
-    def per_second(self, now: Mapping[str, Any]) -> Any:
-        """Rate at which cost runs up, from the signals at one time; traced."""
-        return sum((consumer.watts(now) for consumer in self.consumers), jnp.asarray(self.rate, float))
-
-
-class ExpectedCost(NamedTuple):
-    """Cost of D designs, expected over draws.
-
-    Attributes:
-        mean: infinite where a motion on which the cost depends diverges.
-        error: standard error of the mean, 0 where the cost does not depend on the motion; NaN of a single draw.
-        diverged: draws whose motion diverges; 0 where the cost does not depend on it.
-        unit: s, J or trials.
-    """
-
-    mean: Float[np.ndarray, " D"]
-    error: Float[np.ndarray, " D"]
-    diverged: Int[np.ndarray, " D"]
-    unit: str
-
-
-def in_joules(hotel: float, *consumers: Consumer, fixed: float = 0.0) -> TrialCost:
-    """Energy as the cost: hotel load, W, propulsion, and a fixed amount around every trial, J."""
-    return TrialCost("J", fixed, hotel, consumers)
-
-
-def expected_cost(
-    plan: TrialPlan, cost: TrialCost, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
-) -> ExpectedCost:
-    """Expected cost of each design; simulated only if the cost depends on the motion.
+def expected_joules(
+    plan: TrialPlan, power: ElectricPower, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
+) -> Float[np.ndarray, " D"]:
+    """Energy of each design, expected over draws; simulated only under an autopilot, infinite where such a motion diverges.
 
     Args:
         plan: vehicle and start of the trial.
-        cost: what is counted.
+        power: what is drawn.
         controls: every control of each design, held from each sample to the next, SI.
         draws: coefficients drawn from what is believed, SI.
 
     Raises:
-        InputError: a cost that the vehicle cannot have or that is nowhere positive, arrays of other shapes or without a number.
+        InputError: arrays of other shapes or without a number.
     """
-    check_cost(plan, cost)
     controls, draws = check_runs(plan, controls, draws)
-    names = plan.model.controls
-    if plan.autopilot is None and all(name in names for consumer in cost.consumers for name in consumer.signals):
-        now = {name: controls[..., i] for i, name in enumerate(names)}
-        spent = np.broadcast_to(cost.per_second(now), controls.shape[:2]) @ np.asarray(plan.step)
-        none = np.zeros(len(controls))
-        return ExpectedCost(cost.fixed + spent, none, none.astype(int), cost.unit)
-    (total,) = in_blocks(lambda control: (_totals(plan, cost, control, draws),), controls)
-    finite = np.isfinite(total)
-    whole, kept = finite.all(1), np.where(finite, total, 0.0)
-    error = kept.std(1, ddof=1) / np.sqrt(len(draws)) if len(draws) > 1 else np.full(len(controls), np.nan)
-    return ExpectedCost(
-        np.where(whole, kept.mean(1), np.inf), np.where(whole, error, np.inf), (~finite).sum(1), cost.unit
-    )
+    if plan.autopilot is None:
+        now = {name: controls[..., i] for i, name in enumerate(plan.model.controls)}
+        return power.total(now) @ np.asarray(plan.step)
+    (spent,) = in_blocks(lambda control: (_totals(plan, power, control, draws),), controls)
+    finite = np.isfinite(spent)
+    return np.where(finite.all(1), np.where(finite, spent, 0.0).mean(1), np.inf)
 
 
 def gain_per_cost(gain: Float[np.ndarray, "*any"], cost: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
-    """What each design teaches for each second, joule or trial; an infinite cost gives 0.
+    """What each design teaches for each joule; an infinite cost gives 0.
 
     Args:
         gain: utility less that of no trial at all, for example nats of entropy reduction.
@@ -194,55 +94,10 @@ def gain_per_cost(gain: Float[np.ndarray, "*any"], cost: Float[np.ndarray, "*any
     return gain / cost
 
 
-def check_cost(plan: TrialPlan, cost: TrialCost) -> None:
-    """Check a cost against a vehicle.
-
-    Raises:
-        InputError: numbers that are negative or not finite, no cost at all, or signals that the vehicle does not have.
-    """
-    model = plan.model
-    for name, value in (("fixed cost", cost.fixed), ("hotel load or rate", cost.rate)):
-        if not (isfinite(value) and value >= 0):
-            raise InputError(
-                f"trial cost, {name}", found=f"{value:g}", expected="0 or more", remedy="give it in s, W or J"
-            )
-    if not (cost.fixed or cost.rate or cost.consumers):
-        raise InputError(
-            "trial cost", found="nothing that costs", expected="a fixed cost, a load or a consumer", remedy="add one"
-        )
-    for consumer in cost.consumers:
-        kind = type(consumer).__name__
-        if not all(isfinite(number) and number > 0 for number in consumer.numbers):
-            raise InputError(
-                f"trial cost, {kind}",
-                found=", ".join(f"{number:g}" for number in consumer.numbers),
-                expected="positive numbers, SI",
-                remedy="give the power in W and the speed in rad/s of one measured point, or an efficiency up to 1",
-            )
-        if isinstance(consumer, ForcePower) and consumer.efficiency > 1:
-            raise InputError(
-                f"trial cost, {kind}",
-                found=f"an efficiency of {consumer.efficiency:g}",
-                expected="above 0 and up to 1",
-                remedy="write 60 % as 0.6",
-            )
-        for name in consumer.signals:
-            if name not in (*model.controls, *model.states):
-                raise InputError(
-                    f"trial cost, {kind}",
-                    found=f'"{name}", which the vehicle "{model.name}" does not have',
-                    expected="one of its controls: "
-                    + ", ".join(model.controls)
-                    + "; or states: "
-                    + ", ".join(model.states),
-                    remedy=nearest(name, (*model.controls, *model.states)),
-                )
-
-
 @program
-def _totals(plan: TrialPlan, cost: TrialCost, controls: Array, draws: Array) -> Array:
+def _totals(plan: TrialPlan, power: ElectricPower, controls: Array, draws: Array) -> Array:
     def total(values: Array, control: Array) -> Array:
-        end, _, _ = follow_joint(plan, {"spent": cost.per_second}, values, control, lambda memory, now: (memory, None))
-        return cost.fixed + end["spent"]
+        end, _, _ = follow_joint(plan, {"spent": power.total}, values, control, lambda memory, now: (memory, None))
+        return end["spent"]
 
     return jax.vmap(lambda control: jax.vmap(lambda values: total(values, control))(draws))(controls)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.design.cost import TrialCost
+from seatrial.design.cost import ElectricPower
 from seatrial.design.fisher_utilities import Discrimination, find_criterion
 from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.prior_belief import Belief, coefficient_space, draw_values, normal_of
@@ -64,7 +64,7 @@ class DesignProblem:
         over: the mean of draws of what is believed, its mean alone, or the worst draw.
         per: what a utility is counted by.
         turnaround: time that a trial takes beside its own, s, counted by the second.
-        cost: of a trial, counted by the joule.
+        power: what a trial draws, counted by the joule.
         filter: whose entropy reduction is predicted.
         prediction: what `fisher-c` makes precise.
         rivals: coefficients that each rival structure lacks, told apart by `discrimination`.
@@ -91,7 +91,7 @@ class DesignProblem:
     over: Over = "mean"
     per: Per = "trial"
     turnaround: float = 0.0
-    cost: TrialCost | None = None
+    power: ElectricPower | None = None
     filter: DesignFilter = "square-root-unscented"
     prediction: Prediction | None = None
     rivals: tuple[frozenset[str], ...] = ()

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from seatrial.core.errors import InputError
 from seatrial.core.reporter import Reporter
-from seatrial.design.cost import TrialCost
+from seatrial.design.cost import ElectricPower
 from seatrial.design.design_problem import HALF, UTILITY_DRAWS, DesignProblem, check_whole_trials, covariance
 from seatrial.design.goal_plan import MAX_TRIALS, PlannedTrial, Stage, StageGoal, choose_trials, find_stages, goals_met
 from seatrial.design.limit_conflicts import check_some_allowed
@@ -113,7 +113,7 @@ class PlanSearch:
     time: float = inf
     battery: float = inf
     turnaround: float = 0.0
-    power: TrialCost | None = None
+    power: ElectricPower | None = None
     basis: str = "the priors"
 
     def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> Plan:
@@ -203,12 +203,13 @@ class PlanSearch:
         )
 
 
-def joules_of(power: TrialCost | None, turnaround: float, controls: Mapping[str, np.ndarray], duration: float) -> float:
+def joules_of(
+    power: ElectricPower | None, turnaround: float, controls: Mapping[str, np.ndarray], duration: float
+) -> float:
     """Return what a trial and its turnaround draw, J: the hotel load, and in the trial the propulsion; 0 where no power is stated."""
     if power is None:
         return 0.0
-    driven = sum(float(np.nanmean(one.watts(controls))) for one in power.consumers) * duration
-    return driven + power.rate * (duration + turnaround)
+    return float(np.nanmean(power.driven(controls))) * duration + power.hotel * (duration + turnaround)
 
 
 @dataclass(frozen=True, eq=False)

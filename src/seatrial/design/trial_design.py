@@ -24,7 +24,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
-from seatrial.design.cost import expected_cost, gain_per_cost
+from seatrial.design.cost import expected_joules, gain_per_cost
 from seatrial.design.design_problem import HALF, UTILITY_DRAWS, DesignProblem, Utility, covariance
 from seatrial.design.fisher_utilities import CRITERIA, find_criterion
 from seatrial.design.limit_conflicts import check_some_allowed, remedy_of_any
@@ -523,7 +523,7 @@ def _weigh(problem: DesignProblem, sweep: Sweep, scales: np.ndarray) -> Sweep:
 
 
 def _per_joule(problem: DesignProblem, plan: TrialPlan, controls: np.ndarray, utility: np.ndarray) -> np.ndarray:
-    if problem.cost is None:
+    if problem.power is None:
         raise InputError(
             problem.place("design.per"),
             found='"joule" without what the vehicle draws',
@@ -536,7 +536,7 @@ def _per_joule(problem: DesignProblem, plan: TrialPlan, controls: np.ndarray, ut
         few, k = problem.few(draws), draws.shape[1]
         nothing = problem.criterion(draws)(np.zeros((len(few), k, k)))
         utility = utility - float(np.mean(np.asarray(nothing)))
-    return gain_per_cost(utility, expected_cost(plan, problem.cost, controls, draws[:UTILITY_DRAWS]).mean)
+    return gain_per_cost(utility, expected_joules(plan, problem.power, controls, draws[:UTILITY_DRAWS]))
 
 
 def _by_the_second(problem: DesignProblem, plan: TrialPlan, sweep: Sweep, scales: np.ndarray) -> Sweep:

@@ -18,7 +18,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import RATES, SPEEDS
-from seatrial.design.cost import PropellerPower, in_joules
+from seatrial.design.cost import ElectricPower
 from seatrial.design.plan_search import Plan, PlanSearch, joules_of
 from seatrial.design.trial_design import design_trial
 from seatrial.vehicles.model import VehicleModel
@@ -46,7 +46,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     goal, day, stated = goal_of(campaign), campaign.plan, campaign.power
     power = None
     if stated is not None:
-        power = in_joules(stated.hotel, PropellerPower(stated.propulsion, stated.at, campaign.family.control))
+        power = ElectricPower(stated.hotel, stated.propulsion, stated.at, campaign.family.control)
     search = PlanSearch(
         goal.shares,
         goal.sds,

@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.estimates import Drawn
 from seatrial.compiled.programs import program
 from seatrial.compiled.random_keys import random_key
-from seatrial.design.cost import PropellerPower, in_joules
+from seatrial.design.cost import ElectricPower
 from seatrial.design.design_problem import HALF, DesignProblem, covariance
 from seatrial.design.prior_belief import draw_values
 from seatrial.design.sweep import in_blocks
@@ -57,9 +57,9 @@ def design_problem(campaign: Campaign, believed: Believed | None = None) -> Desi
     structure = campaign.full if believed is None else believed.structure
     model, design, power = campaign.model(structure), campaign.design, campaign.power
     names = tuple(term.text for term in model.coefficients)
-    cost = None
+    joules = None
     if design.per == "joule" and power is not None:
-        cost = in_joules(power.hotel, PropellerPower(power.propulsion, power.at, campaign.family.control))
+        joules = ElectricPower(power.hotel, power.propulsion, power.at, campaign.family.control)
     return DesignProblem(
         model,
         campaign.coefficient_priors(model) if believed is None else believed.belief,
@@ -78,7 +78,7 @@ def design_problem(campaign: Campaign, believed: Believed | None = None) -> Desi
         over=design.over,
         per=design.per,
         turnaround=design.turnaround,
-        cost=cost,
+        power=joules,
         filter=design.filter,
         prediction=campaign.prediction(model),
         rivals=_rivals(campaign, names) if design.utility == "discrimination" else (),
