@@ -150,8 +150,8 @@ def _candidate(
         posterior = study.posterior(structure)
         noise = posterior.likelihood.output.noise_parameters if near else ()
         told = {name: value for name, value, _ in near if name in posterior.names and name not in noise}
-        options = {"tries": 1, "near": told, "rough": True} if near else {}
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), **options)
+        options = {"tries": 1, "near": told} if near else {}
+        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), **options, rough=True)
         leave_key = random_key(campaign.seed, f"leave out {structure.terms}")
         left = leave_one_run_out(posterior, leave_key, mode, progress=progress)
     except NumericalError as failure:
