@@ -10,10 +10,11 @@ from seatrial.campaign.inference.identifiability import _known
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.diagnostics.identifiability import identify
-from seatrial.estimation.diagnostics.known import Known
+from seatrial.estimation.diagnostics.known import Known, KnownParameter
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import Normal
 from seatrial.messages.known import BY_ITSELF, known_lines, parts_of, verdict_of
+from seatrial.messages.render import sentence
 
 AT = {"u": 1.5}
 NAMES, UNITS = ("X_u", "X_uabsu", "T_nabsn"), ("kg/s", "kg/m", "kg m/rad^2")
@@ -83,6 +84,17 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     assert verdict_of(sure) == (BY_ITSELF,)
     unsure = replace(alone, parameters=(replace(first, sd=0.9 * abs(first.value)), *others))
     assert verdict_of(unsure) == (f"{BY_ITSELF}, but X_u only to ± more than half of the value",)
+
+
+def test_terms_that_only_the_speed_separates_are_named():
+    """N_v and N_uv, as Y_r and Y_ur, but not X_u and X_uabsu: that pair has its own sums. One that is known needs no advice."""
+    relative = {"N_v": 0.6, "N_uv": 0.3, "N_r": 0.1, "N_ur": 0.9, "X_u": 2.0, "X_uabsu": 2.0, "Y_0": 2.0, "Y_v": 2.0}
+    parameters = tuple(KnownParameter(name, "1", 1.0, sd, sd, 0.1, "", 0.0) for name, sd in relative.items())
+    (one,) = Known("after", "M-0", parameters, (), ()).speed_pairs
+    assert sentence(one) == (
+        "N_v and N_uv differ by a factor u alone, and these runs do not separate them: the ± of N_v is 60% of its value. "
+        "Keep N_uv, which scales with the speed, and leave N_v out; or fit runs at another speed too"
+    )
 
 
 def test_what_is_sharp_by_itself_is_not_called_known_only_in_combination():

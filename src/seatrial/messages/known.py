@@ -1,8 +1,10 @@
 """What is known of each parameter, and of several together, in words; without JAX."""
 
 from seatrial.core.display_units import Shown, listed, measured, percent
+from seatrial.core.findings import Message
 from seatrial.core.result_table import aligned
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
+from seatrial.messages.render import sentence
 
 VAIN = 10.0  # Standard deviation over the value from which a percentage says nothing
 BY_ITSELF = "each parameter is known separately"
@@ -30,7 +32,8 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
         lines.append(f"the combination known least: {least}")
     # The verdict is about what the data separate: its numbers are those of the noise.
     alone = "by noise alone: " if known.verdict and not before else ""
-    return [f"  {line}" for line in (*lines, *(alone + line for line in verdict_of(known)), *known.symmetry)]
+    lines += [*(alone + line for line in verdict_of(known)), *map(sentence, known.speed_pairs), *known.symmetry]
+    return [f"  {line}" for line in lines]
 
 
 def verdict_of(known: Known) -> tuple[str, ...]:
@@ -42,9 +45,9 @@ def verdict_of(known: Known) -> tuple[str, ...]:
     return (f"{BY_ITSELF}, but {listed(known.unsure)} only to ± more than half of the value",)
 
 
-def known_cautions(known: Known) -> tuple[str, ...]:
+def known_cautions(known: Known) -> list[Message]:
     """Return which parameters are not known separately, or hardly; empty if each is known."""
-    return verdict_of(known) if known.verdict or known.unsure else ()
+    return [*(verdict_of(known) if known.verdict or known.unsure else ()), *known.speed_pairs]
 
 
 def known_to(item: KnownParameter) -> str:

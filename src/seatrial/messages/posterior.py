@@ -10,10 +10,10 @@ from seatrial.messages.entry import Entry, Remedy
 
 def thresholds() -> dict[str, float]:
     """Return the limits that the entries name."""
-    from seatrial.estimation.diagnostics import prior_checks
+    from seatrial.estimation.diagnostics import known, prior_checks
     from seatrial.estimation.posterior import prior_bounds, step_shift
 
-    files = (step_shift, prior_bounds, prior_checks)
+    files = (step_shift, prior_bounds, prior_checks, known)
     return {name: value for file in files for name, value in vars(file).items() if isinstance(value, float)}
 
 
@@ -127,8 +127,20 @@ ENTRIES = {
             ("shorter-step",),
         ),
     ),
+    "speeds-not-separated": Entry(
+        title="Terms that only the speed separates",
+        sentence="{subject:and} differ by a factor u alone, and these runs do not separate them: the ± of {subject[0]} is "
+        "{relative:.0%} of its value",
+        meaning="At one speed two such terms are one, and how the force grows with the speed is not in the data. Hydrodynamic forces "
+        "mostly grow with it.",
+        decided="The ± of the term without u exceeds {UNSURE:.0%} of its value.",
+        example=Finding("speeds-not-separated", "caution", ("N_v", "N_uv"), {"relative": 0.63}, ("keep-speed-scaled",)),
+    ),
 }
 REMEDIES = {
+    "keep-speed-scaled": Remedy(
+        command="keep {subject[1]}, which scales with the speed, and leave {subject[0]} out; or fit runs at another speed too"
+    ),
     "no-memory": Remedy(
         command='set estimation.residuals = "white" and remove this prior: the residuals have no memory',
         python='give the sensor noise="white", and no prior of {subject[0]}: the residuals have no memory',

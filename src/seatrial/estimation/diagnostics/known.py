@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass
 
-from seatrial.core.coefficients import is_coefficient
+from seatrial.core.coefficients import CoefficientName, Factor, is_coefficient
+from seatrial.core.findings import Finding
 
 UNSURE = (
     0.5  # Share of a coefficient that its ± may be for it to be called known: `VAGUE` of `messages/identifiability.py`
 )
+SPEED = Factor("u")
 
 
 @dataclass(frozen=True)
@@ -88,3 +90,23 @@ class Known:
     def unsure(self) -> list[str]:
         """Coefficients of which little more than the sign is known."""
         return [item.name for item in self.parameters if item.is_unsure]
+
+    @property
+    def speed_pairs(self) -> list[Finding]:
+        """Return pairs of coefficients that differ by a factor u alone, as N_v and N_uv, where the one without it is not known."""
+        terms = {CoefficientName.parse(one.name): one for one in self.parameters if is_coefficient(one.name)}
+        scaled = {(term.axis, frozenset(term.factors) - {SPEED}): term for term in terms if SPEED in term.factors}
+        return [
+            Finding(
+                "speeds-not-separated",
+                "caution",
+                (one.name, terms[scaled[term.axis, frozenset(term.factors)]].name),
+                {"relative": one.relative},
+                ("keep-speed-scaled",),
+            )
+            for term, one in terms.items()
+            if self.stage == "after"
+            and one.is_unsure
+            and term.factors
+            and (term.axis, frozenset(term.factors)) in scaled
+        ]

@@ -11,6 +11,7 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.messages.known import parts_of, verdict_of
+from seatrial.messages.render import sentence
 from seatrial.report.drawing import (
     Drawing,
     digits_of,
@@ -113,7 +114,9 @@ def correlation(draws: np.ndarray) -> np.ndarray:
 
 def verdict_findings(outcome: Outcome, known: Known) -> list[dict[str, Any]]:
     """Sentences as findings of the page; one that all is well if there are none. Those of a design are no cautions: data followed it."""
-    return [finding_of(outcome, text) for text in (*verdict_of(known), *known.symmetry)]
+    return [
+        finding_of(outcome, text) for text in (*verdict_of(known), *map(sentence, known.speed_pairs), *known.symmetry)
+    ]
 
 
 def _row(outcome: Outcome, item: StoredCoefficient, known: KnownParameter) -> dict[str, Any]:
