@@ -162,8 +162,8 @@ def conditions(rules: RuleMasks, fixed: UInt64[np.ndarray, " lanes"], free: Sequ
     return Conditions(values, among, need | forbid, np.where(valid, need, impossible))
 
 
-def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float]) -> tuple[int, float]:
-    """Count the allowed structures, and give the probability that independent draws of the terms make one; nothing is enumerated.
+def count_allowed(rules: RuleMasks, sure: Sequence[int], n_terms: int) -> int:
+    """Count the allowed structures, exactly; nothing is enumerated.
 
     Rules are implications (a term requires others) and rivalries: clauses of two literals. Deciding one term decides what follows
     from it; terms that share no rule count by themselves. The branching goes on until no rule is left among undecided terms
@@ -172,45 +172,31 @@ def allowed_mass(rules: RuleMasks, sure: Sequence[int], chance: Sequence[float])
     Args:
         rules: over all terms.
         sure: numbers of terms in every structure.
-        chance: prior probability that each term is there, for all terms; not used for those of `sure`.
-
-    Returns:
-        The number, exactly, and the probability.
+        n_terms: number of all terms.
     """
-    d = len(chance)
-    links = rules.links(d)
-    fixed = sum(1 << i for i in sure)
+    links = rules.links(n_terms)
 
-    def weigh(members: int, present: bool) -> float:
-        value = 1.0
-        for i in _bit_numbers(members & ~fixed):
-            value *= chance[i] if present else 1.0 - chance[i]
-        return value
-
-    def decide(open_: int, start: int, present: bool) -> tuple[int, float]:
+    def decide(open_: int, start: int, present: bool) -> int:
         """Return what remains once some terms are there, or absent, with all that follows."""
         with_it, absent = links.decided(*((start, 0) if present else (0, start)), open_)
         if with_it & absent:
-            return 0, 0.0
-        count, mass = total(open_ & ~(with_it | absent))
-        return count, mass * weigh(with_it, True) * weigh(absent, False)
+            return 0
+        return total(open_ & ~(with_it | absent))
 
     @lru_cache(maxsize=2**16)
-    def total(open_: int) -> tuple[int, float]:
+    def total(open_: int) -> int:
         linked = {i: (links.required[i] | links.wanting[i] | links.rivals[i]) & open_ for i in _bit_numbers(open_)}
         pivot = max(linked, key=lambda i: linked[i].bit_count(), default=-1)
         if pivot < 0 or not linked[pivot]:
-            return 2 ** open_.bit_count(), 1.0
+            return 2 ** open_.bit_count()
         part, size = 1 << pivot, 0
         while size != part:
             size = part
             for i in _bit_numbers(part):
                 part |= linked[i]
-        with_it, without = (decide(part, 1 << pivot, present) for present in (True, False))
-        count, mass = total(open_ & ~part)
-        return count * (with_it[0] + without[0]), mass * (with_it[1] + without[1])
+        return total(open_ & ~part) * sum(decide(part, 1 << pivot, present) for present in (True, False))
 
-    return decide((1 << d) - 1, fixed, True)
+    return decide((1 << n_terms) - 1, sum(1 << i for i in sure), True)
 
 
 def check_rules(rules: RuleMasks, n_terms: int) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, UInt64
+from jaxtyping import Float
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
@@ -38,23 +38,15 @@ class Sensitivity(NamedTuple):
     """Along factors on the prior standard deviations of the coefficients.
 
     Attributes:
-        names: terms.
         scales: factors, shape (s,).
         inclusion: inclusion probabilities, shape (s, d).
         mean: averaged coefficients, shape (s, d).
-        top: most probable structure at each factor, bit i for term i, shape (s,).
-        probability: its probability, shape (s,).
-        pair: the two most probable structures at factor 1, best first, or one if there is no other.
-        log_bayes_factor: of the first of `pair` against the second, nats, shape (s,); empty if there is one only.
+        log_bayes_factor: of the most probable structure at factor 1 against the next, nats, shape (s,); empty if there is one only.
     """
 
-    names: tuple[str, ...]
     scales: Float[np.ndarray, " s"]
     inclusion: Float[np.ndarray, "s d"]
     mean: Float[np.ndarray, "s d"]
-    top: UInt64[np.ndarray, " s"]
-    probability: Float[np.ndarray, " s"]
-    pair: tuple[tuple[str, ...], ...]
     log_bayes_factor: Float[np.ndarray, " s"]
 
 
@@ -111,7 +103,7 @@ def sensitivity(
         options: of `subset_posterior`, except `top`.
 
     Returns:
-        Inclusion, coefficients and the best structure at each factor.
+        Inclusion and coefficients at each factor.
 
     Raises:
         InputError, NumericalError: as `subset_posterior`.
@@ -126,13 +118,9 @@ def sensitivity(
         logs = [evidence_of(stats, scaled, structure).log_evidence for structure in pair]
         factors += [logs[0] - logs[1]] if len(logs) == 2 else []
     return Sensitivity(
-        base.names,
         np.asarray(scales, float),
         np.array([one.inclusion for one in results]),
         np.array([one.mean for one in results]),
-        np.array([one.structures[0] for one in results]),
-        np.array([one.probability[0] for one in results]),
-        tuple(base.terms(rank) for rank in range(len(pair))),
         np.array(factors),
     )
 

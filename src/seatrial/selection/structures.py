@@ -9,7 +9,7 @@ import numpy as np
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import allowed_mass
+from seatrial.selection.rule_masks import count_allowed
 from seatrial.selection.rules import Always, CompiledRules, TermLibrary, compile_rules, parse_rules
 
 MAX_STRUCTURES = 64  # Structures beyond which simulating each takes too long, and a screening has to choose a shortlist
@@ -92,7 +92,7 @@ def count_structures(rules: CompiledRules) -> int:
             expected="at least one",
             remedy="drop a rule that excludes terms, or widen the library",
         )
-    return allowed_mass(rules.masks, (), [0.5] * k)[0]
+    return count_allowed(rules.masks, (), k)
 
 
 def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:

@@ -51,10 +51,9 @@ def naive_fit(prior, phi, y, chosen):
     return mean + gain @ left, spread / (2 * prior.shape + y.size - 2) * (cov - gain @ part @ cov)
 
 
-def naive_all(prior, phi, y, always=(), allowed=lambda there: True, chance=0.5):
+def naive_all(prior, phi, y, always=(), allowed=lambda there: True):
     """Every structure with its evidence and probability, and averages over them, by the definitions."""
     k = phi.shape[1]
-    chance = np.where(np.isin(np.arange(k), always), 1.0, chance)
     logs, rows, means, covs = {}, [], [], []
     for bits in product([0, 1], repeat=k):
         there = np.array(bits[::-1], bool)
@@ -62,17 +61,14 @@ def naive_all(prior, phi, y, always=(), allowed=lambda there: True, chance=0.5):
             continue
         chosen = np.flatnonzero(there)
         structure = int(np.sum(2**chosen))
-        with np.errstate(divide="ignore"):
-            prior_chance = np.prod(np.where(there, chance, 1 - chance))
-        logs[structure] = (naive_log_evidence(prior, phi, y, chosen), prior_chance)
+        logs[structure] = naive_log_evidence(prior, phi, y, chosen)
         mean, cov = np.zeros(k), np.zeros((k, k))
         mean[chosen], cov[np.ix_(chosen, chosen)] = naive_fit(prior, phi, y, chosen)
         rows.append(there)
         means.append(mean)
         covs.append(cov)
-    log_evidence, prior_chance = np.array(list(logs.values())).T
-    weight = np.exp(log_evidence - log_evidence.max()) * prior_chance
-    total = log_evidence.max() + np.log(weight.sum() / prior_chance.sum())
+    log_evidence = np.array(list(logs.values()))
+    weight = np.exp(log_evidence - log_evidence.max())
     weight /= weight.sum()
     there, means, covs = np.array(rows, float), np.array(means), np.array(covs)
     mean = weight @ means
@@ -80,7 +76,6 @@ def naive_all(prior, phi, y, always=(), allowed=lambda there: True, chance=0.5):
         "structures": np.array(list(logs)),
         "log_evidence": log_evidence,
         "probability": weight,
-        "log_evidence_total": total,
         "joint": (there.T * weight) @ there,
         "mean": mean,
         "within": np.einsum("s,sij->ij", weight, covs),
@@ -96,7 +91,6 @@ def agree(found, naive, tolerance=1e-10):
     assert found.count == naive["structures"].size
     np.testing.assert_allclose(found.log_evidence[order], naive["log_evidence"][by_number], rtol=0, atol=tolerance)
     np.testing.assert_allclose(found.probability[order], naive["probability"][by_number], rtol=0, atol=tolerance)
-    assert abs(found.log_evidence_total - naive["log_evidence_total"]) < tolerance
     np.testing.assert_allclose(found.joint, naive["joint"], rtol=0, atol=tolerance)
     np.testing.assert_allclose(found.inclusion, np.diag(naive["joint"]), rtol=0, atol=tolerance)
     sd = np.sqrt(np.diag(naive["within"] + naive["between"]) + 1e-300)

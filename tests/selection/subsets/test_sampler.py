@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, allowed_mass
+from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, count_allowed
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import GPrior, physical_prior
@@ -44,25 +44,21 @@ def agrees(found, exact, share_of_covered=1.0):
     often = exact.inclusion > 0.03
     np.testing.assert_allclose(found.coefficients().total[often], sd[often], rtol=0.3)
     assert np.abs(found.joint - exact.joint).max() < 0.04
-    off = found.log_evidence_total - exact.log_evidence_total
-    assert abs(off) < 4.5 * errors.log_evidence_total_error + 1e-3
     assert found.count == exact.count
     np.testing.assert_array_equal(found.structures[:10], exact.structures[:10])
     np.testing.assert_allclose(found.log_evidence[:10], exact.log_evidence[:10], atol=1e-8)
-    np.testing.assert_allclose(
-        found.probability[:10], exact.probability[:10], rtol=4.5 * errors.log_evidence_total_error + 1e-3
-    )
+    np.testing.assert_allclose(found.probability[:10], exact.probability[:10], rtol=0.01)
 
 
 @pytest.mark.parametrize(
     ("prior", "options"),
     [
         (some_prior(10), {}),
-        (GPrior(40.0, 2.0, 0.7), {"always": ["c", "e"], "inclusion": 0.3}),
+        (GPrior(40.0, 2.0, 0.7), {"always": ["c", "e"]}),
         (some_prior(10, 0.3 / np.geomspace(0.1, 10, 10)), {"rules": RULES}),
-        (some_prior(10), {"rules": RULES, "always": ["f"], "inclusion": np.linspace(0.1, 0.8, 10)}),
+        (some_prior(10), {"rules": RULES, "always": ["f"]}),
     ],
-    ids=["free", "g-prior", "rules", "rules, certain term, unequal odds"],
+    ids=["free", "g-prior", "rules", "rules, certain term"],
 )
 def test_against_all_structures(prior, options):
     stats = problem(10)[2]
@@ -115,11 +111,11 @@ def test_one_entry_point_counts_or_samples():
     phi = random.normal(size=(200, 28))
     stats = gram(phi, phi[:, 3] - phi[:, 20] + random.normal(size=200))
     prior = physical_prior(np.ones(28), 1.0)
-    options = {"seed": 3, "chains": 16, "moves": 600, "threads": 1, "inclusion": 0.02}
+    options = {"seed": 3, "chains": 16, "moves": 600, "threads": 1}
     sampled = subset_posterior(stats, prior, names, **options)
     assert sampled.monte_carlo is not None
     assert sampled.count == 2**28
-    assert sampled.terms(0) == ("t3", "t20")
+    assert {"t3", "t20"} <= set(sampled.terms(0))
     exact = subset_posterior(stats, prior, names, always=names[:16], **options)
     assert exact.monte_carlo is None
     assert exact.count == 2**12
@@ -171,19 +167,14 @@ def test_many_rows_and_rival_regressors_against_all_structures():
     np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=1e-6)
     np.testing.assert_allclose(found.mean, exact.mean, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(np.diag(found.within), np.diag(exact.within), rtol=1e-4)
-    assert found.log_evidence_total == pytest.approx(exact.log_evidence_total, abs=0.05)
+    assert found.probability[0] == pytest.approx(exact.probability[0], rel=0.05)
 
 
 @pytest.mark.parametrize("sure", [[], [3], [4], [0, 6]])
-def test_mass_of_the_rules_against_enumeration(sure):
-    chance = np.linspace(0.1, 0.8, 9)
-    count, mass = allowed_mass(RULES, sure, chance.tolist())
+def test_allowed_structures_against_enumeration(sure):
     there = np.array(list(product([0, 1], repeat=9)), bool)
     kept = RULES.allowed(there @ (1 << np.arange(9))) & there[:, sure].all(1)
-    weight = np.where(there, chance, 1 - chance)
-    weight[:, sure] = 1.0
-    assert count == kept.sum()
-    assert mass == pytest.approx(weight[kept].prod(1).sum(), rel=1e-12)
+    assert count_allowed(RULES, sure, 9) == kept.sum()
 
 
 @pytest.mark.parametrize(
@@ -286,9 +277,9 @@ def test_optional_terms_that_can_be_counted_out(count, always, refused):
     stats, names = gram(phi, phi[:, 0]), MANY[:count]
     if refused:
         with pytest.raises(InputError, match="26 optional terms"):
-            check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10)
+            check_candidates(stats, names, names[:always], RuleMasks(), 10)
     else:
-        assert len(check_candidates(stats, names, names[:always], RuleMasks(), 0.5, 10).free) == 25
+        assert len(check_candidates(stats, names, names[:always], RuleMasks(), 10).free) == 25
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Posterior over all 2^k structures of a linear regression in closed form, none of them stored.
 
-    P(S | y) ~ P(S) p(y | S) = exp(constant) D_S^-1/2 (2 b_S)^-a,  D_S the product of pivots that carry the priors, too
+    P(S | y) ~ p(y | S) = exp(constant) D_S^-1/2 (2 b_S)^-a,  D_S the product of pivots that carry the priors, too
 
 Terms always there are eliminated first. Of the others the first are doubled at once, into lanes; then blocks of lanes double
 the last ones and keep sums only: the total, joint inclusion, moments of the coefficients, and the best structures seen.
@@ -138,7 +138,6 @@ class LaneSums(NamedTuple):
         moment: sum of w z z^T, shape (r+1, r+1, lanes).
         spread: sum of w corner A_S^-1, shape (r, r, lanes).
         allowed: number of structures that keep the rules, shape (lanes,).
-        chance: their prior probability, given the lane, shape (lanes,).
     """
 
     peak: Float[np.ndarray, " lanes"]
@@ -149,7 +148,6 @@ class LaneSums(NamedTuple):
     moment: Float[np.ndarray, "r1 r1 lanes"]
     spread: Float[np.ndarray, "r r lanes"]
     allowed: Float[np.ndarray, " lanes"]
-    chance: Float[np.ndarray, " lanes"]
 
     def rescaled(self) -> "LaneSums":
         """Return the same relative to the highest peak of all."""
@@ -179,7 +177,6 @@ class LaneBlock(NamedTuple):
         shape: a = a0 + n/2.
         pivots: of the terms doubled within, as in `Problem`, shape (r,).
         squares: likewise, shape (r,).
-        chance: prior probability of each setting of these terms without rules, shape (2^r,).
         conditions: what the rules ask, if there are any.
         shift: number of terms before these.
     """
@@ -187,7 +184,6 @@ class LaneBlock(NamedTuple):
     shape: float
     pivots: Float[np.ndarray, " r"] | None
     squares: Float[np.ndarray, " r"] | None
-    chance: Float[np.ndarray, " m"]
     conditions: Conditions | None
     shift: int
 
@@ -242,7 +238,6 @@ def empty_sums(r: int, lanes: int, blocks: int) -> LaneSums:
         moment=np.zeros((r + 1, r + 1, lanes)),
         spread=np.zeros((r, r, lanes)),
         allowed=np.full(lanes, 2.0**r),
-        chance=np.ones(lanes),
     )
 
 
@@ -266,7 +261,6 @@ def add_block(
         forbidden = block.conditions.forbidden(here)
         score[forbidden] = -np.inf
         sums.allowed[here] = corner.shape[0] - forbidden.sum(0)
-        sums.chance[here] = block.chance @ ~forbidden
     peak = score.max()
     best.offer(score, first, block.shift)
     if not peak > negligible:
@@ -294,7 +288,6 @@ def all_subsets(
     *,
     always: Sequence[str] = (),
     rules: RuleMasks | None = None,
-    inclusion: float | Sequence[float] = 0.5,
     top: int = 1000,
     threads: int | None = None,
 ) -> SubsetPosterior:
@@ -306,7 +299,6 @@ def all_subsets(
         names: of the terms, one for each column.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if not given.
-        inclusion: prior probability that a term is there, before the rules; one for all, or one for each name.
         top: how many of the best structures to keep.
         threads: how many blocks at once; as many as there are cores, if not given.
 
@@ -314,10 +306,10 @@ def all_subsets(
         InputError: terms that the data cannot tell apart, too few data, too many optional terms, or rules that no structure keeps.
         NumericalError: a structure that leaves no noise, or numbers out of range.
     """
-    candidates = check_candidates(stats, names, always, rules, inclusion, top)
-    free, chance = candidates.free, candidates.chance
+    candidates = check_candidates(stats, names, always, rules, top)
+    free = candidates.free
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
-    problem, best = make_problem(stats, prior, candidates.sure, free, chance), Best(top)
+    problem, best = make_problem(stats, prior, candidates.sure, free), Best(top)
     fixed = max(len(free) - BLOCK_LEVELS, 0)
     outer = SubsetElimination(len(free) + 1, fixed, 1)
     matrix, determinant = outer.eliminate(
@@ -327,7 +319,6 @@ def all_subsets(
     block = LaneBlock(
         problem.shape,
         *_parts(problem, slice(fixed, None)),
-        np.exp(_log_chance(np.arange(2 ** (len(free) - fixed)), chance[fixed:])),
         None if rules is None else conditions(rules, lane_terms, free[fixed:]),
         fixed,
     )
@@ -345,10 +336,7 @@ def all_subsets(
     _share(lambda firsts: add(firsts, floor), others, threads)
     if not sums.allowed.any():
         raise no_structure()
-    lane_chance = np.exp(_log_chance(np.arange(2**fixed), chance[:fixed]))
-    log_mass = float(np.log(lane_chance @ sums.chance))
-    result = _collect(candidates, problem, outer, sums.rescaled(), best, log_mass)
-    return SubsetPosterior(stats=stats, prior=prior, **result)
+    return SubsetPosterior(**_collect(candidates, problem, outer, sums.rescaled(), best))
 
 
 def _by_turns(shapes: list[tuple[int, ...]]) -> list[np.ndarray]:
@@ -378,9 +366,9 @@ def _scores(
 
 
 def _collect(
-    candidates: Candidates, problem: Problem, outer: SubsetElimination, sums: LaneSums, best: Best, log_mass: float
+    candidates: Candidates, problem: Problem, outer: SubsetElimination, sums: LaneSums, best: Best
 ) -> dict[str, Any]:
-    """Put the sums of all lanes together; `log_mass` is of the prior probability of the allowed structures."""
+    """Put the sums of all lanes together."""
     sure, free = candidates.sure, candidates.free
     log_total = problem.constant + float(sums.peak[0] + np.log(sums.weight.sum()))
     scores, codes = best.ranked()
@@ -391,10 +379,9 @@ def _collect(
     return dict(
         names=candidates.names,
         structures=spread(codes, free) | candidates.certain,
-        log_evidence=problem.constant + scores - _log_chance(codes, candidates.chance),
+        log_evidence=problem.constant + scores,
         probability=np.exp(problem.constant + scores - log_total),
         count=int(sums.allowed.sum()),
-        log_evidence_total=log_total - log_mass,
         inclusion=np.diag(joint).copy(),
         joint=joint,
         **_averages(problem, outer, sums, np.argsort([*sure, *free]))._asdict(),
@@ -416,12 +403,6 @@ def _parts(problem: Problem, terms: slice) -> tuple[np.ndarray | None, np.ndarra
         None if problem.pivots is None else problem.pivots[terms],
         None if problem.squares is None else problem.squares[terms],
     )
-
-
-def _log_chance(codes: np.ndarray, chance: Float[np.ndarray, " terms"]) -> Float[np.ndarray, " m"]:
-    """Return the log of the prior probability of structures without rules."""
-    is_present = bits(codes, chance.size)
-    return np.log(chance) @ is_present + np.log1p(-chance) @ (1 - is_present)
 
 
 def _share(work: Callable[[Iterable[int]], None], firsts: list[int], threads: int | None) -> None:

@@ -12,13 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt64
 
-from seatrial.core.errors import InputError
-from seatrial.selection.subsets.conjugate import Prior, SubsetFit, evidence_of
-from seatrial.selection.subsets.gram import Gram
-
 
 class Averaged(NamedTuple):
-    """Quantities averaged over structures, with their standard deviations, each of shape (n,).
+    """Coefficients averaged over structures, with their standard deviations, each of shape (n,).
 
     Attributes:
         mean: posterior mean.
@@ -43,7 +39,6 @@ class MonteCarlo(NamedTuple):
         renormalised: inclusion probabilities from the evidences of the structures evaluated, as if there were no others, shape (d,).
         r_hat: of each term's presence, between halves of chains, shape (d,).
         mean_error: of the averaged coefficients, shape (d,).
-        log_evidence_total_error: nats.
         status: empty if the chains agree, else what is wrong in words.
     """
 
@@ -52,7 +47,6 @@ class MonteCarlo(NamedTuple):
     renormalised: Float[np.ndarray, " d"]
     r_hat: Float[np.ndarray, " d"]
     mean_error: Float[np.ndarray, " d"]
-    log_evidence_total_error: float
     status: str
 
 
@@ -62,13 +56,10 @@ class SubsetPosterior:
 
     Attributes:
         names: terms.
-        stats: of the regression on all of them.
-        prior: of the coefficients.
         structures: the best ones, most probable first, bit i for term i, shape (n,).
         log_evidence: log p(y | S) of these, nats, shape (n,).
         probability: P(S | y) of these, shape (n,).
         count: number of allowed structures.
-        log_evidence_total: log p(y), all structures weighed by their prior, nats.
         inclusion: posterior probability of each term, shape (d,).
         joint: that both of each two are there, shape (d, d).
         mean: averaged coefficients, shape (d,).
@@ -78,24 +69,16 @@ class SubsetPosterior:
     """
 
     names: tuple[str, ...]
-    stats: Gram
-    prior: Prior
     structures: UInt64[np.ndarray, " n"]
     log_evidence: Float[np.ndarray, " n"]
     probability: Float[np.ndarray, " n"]
     count: int
-    log_evidence_total: float
     inclusion: Float[np.ndarray, " d"]
     joint: Float[np.ndarray, "d d"]
     mean: Float[np.ndarray, " d"]
     within: Float[np.ndarray, "d d"]
     between: Float[np.ndarray, "d d"]
     monte_carlo: MonteCarlo | None = None
-
-    @property
-    def covered(self) -> float:
-        """Probability of the structures that are listed."""
-        return float(self.probability.sum())
 
     def numbers(self, rank: int) -> list[int]:
         """Return the numbers of the terms of one of the best structures, the best having rank 0."""
@@ -105,29 +88,8 @@ class SubsetPosterior:
         """Return the names of the terms of one of the best structures."""
         return tuple(self.names[i] for i in self.numbers(rank))
 
-    def fit(self, rank: int) -> SubsetFit:
-        """Return the posterior of the coefficients of one of the best structures, in the order of its terms."""
-        return evidence_of(self.stats, self.prior, self.numbers(rank))
-
     def coefficients(self) -> Averaged:
         """Return the averaged coefficients; an absent one counts as zero."""
-        return self.predict(np.eye(len(self.names)))
-
-    def predict(self, phi: Float[np.ndarray, "m d"]) -> Averaged:
-        """Return the averaged response to regressors, without noise.
-
-        Raises:
-            InputError: not one column for each term.
-        """
-        phi = np.asarray(phi, float)
-        if phi.ndim != 2 or phi.shape[1] != len(self.names):
-            raise InputError(
-                "regressors to predict for",
-                found=f"shape {phi.shape}",
-                expected=f"(m, {len(self.names)})",
-                remedy="give a column for each term, in the order of `names`",
-            )
-        within, between = (np.einsum("mi,ij,mj->m", phi, cov, phi) for cov in (self.within, self.between))
         # rounding leaves the difference of nearly equal squares a little below zero
-        between = np.maximum(between, 0.0)
-        return Averaged(phi @ self.mean, np.sqrt(within), np.sqrt(between), np.sqrt(within + between))
+        within, between = np.diag(self.within), np.maximum(np.diag(self.between), 0.0)
+        return Averaged(self.mean, np.sqrt(within), np.sqrt(between), np.sqrt(within + between))

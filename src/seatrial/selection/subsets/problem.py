@@ -20,27 +20,25 @@ LARGEST_LOG = 600.0  # Natural logarithm of a determinant that a double holds wi
 
 
 class Candidates(NamedTuple):
-    """Terms by number: which are certain, and how probable the others are.
+    """Terms by number: which are certain and which may be there, each with probability one half before the rules.
 
     Attributes:
         names: of all terms.
         sure: numbers of those in every structure.
         free: numbers of the k others.
         certain: bitmask of `sure`.
-        chance: prior probability of inclusion of each of the others, shape (k,).
     """
 
     names: tuple[str, ...]
     sure: list[int]
     free: list[int]
     certain: np.uint64
-    chance: Float[np.ndarray, " k"]
 
 
 class Problem(NamedTuple):
     """Of k optional terms after m terms always there.
 
-    The log of P(S) p(y | S) is constant - shape log(corner) - 1/2 log(determinant), both after elimination of S.
+    The log of p(y | S) is constant - shape log(corner) - 1/2 log(determinant), both after elimination of S.
 
     Attributes:
         matrix: scaled, shape (k+1, k+1).
@@ -84,7 +82,6 @@ def check_candidates(
     names: Sequence[str],
     always: Sequence[str],
     rules: RuleMasks | None,
-    inclusion: float | Sequence[float],
     top: int,
 ) -> Candidates:
     """Check the arguments of `all_subsets`.
@@ -94,7 +91,6 @@ def check_candidates(
         names: of the terms, one for each column.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if None.
-        inclusion: prior probability that a term is there; one for all, or one for each name.
         top: how many of the best structures to keep.
 
     Raises:
@@ -122,21 +118,10 @@ def check_candidates(
         check_rules(rules, len(names))
     if top < 1:
         raise InputError("best structures", found=str(top), expected="at least 1", remedy="ask for some")
-    chance = np.asarray(inclusion, float)
-    if chance.shape not in ((), (len(names),)) or not ((chance > 0) & (chance < 1)).all():
-        raise InputError(
-            "prior probability of inclusion",
-            found=str(inclusion),
-            expected=f"a number between 0 and 1, or {len(names)} of them",
-            remedy="put terms that are certain in `always`, and leave out those that are impossible",
-        )
-    certain = np.uint64(sum(1 << i for i in sure))
-    return Candidates(names, sure, free, certain, np.broadcast_to(chance, (len(names),))[free])
+    return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 
-def make_problem(
-    stats: Gram, prior: Prior, always: Sequence[int], optional: Sequence[int], chance: Float[np.ndarray, " k"]
-) -> Problem:
+def make_problem(stats: Gram, prior: Prior, always: Sequence[int], optional: Sequence[int]) -> Problem:
     """Eliminate the terms always there and scale the rest.
 
     Args:
@@ -144,7 +129,6 @@ def make_problem(
         prior: of the coefficients.
         always: numbers of the terms in every structure.
         optional: numbers of the others.
-        chance: prior probabilities of inclusion of these, between 0 and 1, shape (k,).
 
     Raises:
         InputError: prior of the wrong sign or size.
@@ -163,9 +147,8 @@ def make_problem(
     inverse = np.linalg.inv(whole[:m, :m])
     slope = -inverse @ whole[:m, m:]
     rest = whole[m:, m:] + whole[m:, :m] @ slope
-    odds = np.log(chance) - np.log1p(-chance)
-    constant = evidence_constant(stats, prior) + np.log1p(-chance).sum() + 0.5 * posterior.log_ratio[sure].sum()
-    log_pivot = -2 * odds - posterior.log_ratio[free]
+    constant = evidence_constant(stats, prior) + 0.5 * posterior.log_ratio[sure].sum()
+    log_pivot = -posterior.log_ratio[free]
     if posterior.determinant:
         constant -= 0.5 * np.linalg.slogdet(whole[:m, :m])[1]
         scale, pivots = np.exp(0.5 * log_pivot), None
@@ -174,8 +157,7 @@ def make_problem(
         scale, pivots = 1 / np.sqrt(np.diag(rest)[:-1]), np.exp(log_pivot)
     if 0.5 * np.abs(log_pivot).sum() > LARGEST_LOG:
         raise NumericalError(
-            "prior and data differ by more than a number can hold: widen or narrow the prior of the coefficients, or take "
-            "inclusion probabilities nearer 1/2"
+            "prior and data differ by more than a number can hold: widen or narrow the prior of the coefficients"
         )
     columns = np.append(scale, 1.0)
     squares = posterior.square[free]

@@ -2,7 +2,7 @@
 
     inclusion of a term:  mean over the moves that drew it of its probability given the other terms (Rao and Blackwell)
     the same again:       from the evidences of all structures evaluated, as if there were no others (renormalised)
-    total:                log p = log sum_{S in A} P(S) p(y | S) - log (share of visits in A)
+    total:                log sum_S p(y | S) = log sum_{S in A} p(y | S) - log (share of visits in A)
 
 A are the structures evaluated in the first half of the run, the visits those of the second (George and McCulloch, Statistica
 Sinica 7, 1997). Renormalised probabilities are off by at most the probability of what was not evaluated. Standard errors are from
@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, UInt64
 
 from seatrial.core.errors import InputError
-from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, allowed_mass, bits, no_structure
+from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, bits, count_allowed, no_structure
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
 from seatrial.selection.subsets.conjugate import Prior, evidence_of
@@ -85,7 +85,7 @@ class Visits(NamedTuple):
 
 
 class Evaluated(NamedTuple):
-    """Different structures, in order of number, and their log P(S) p(y | S)."""
+    """Different structures, in order of number, and their log p(y | S)."""
 
     codes: UInt64[np.ndarray, " n"]
     scores: Float[np.ndarray, " n"]
@@ -98,7 +98,7 @@ def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options:
         stats: of the regression on all terms.
         prior: of its coefficients and noise.
         names: of the terms.
-        options: `always`, `rules`, `inclusion` and `top` as of `all_subsets`; `threads` counts where it is exact, and `seed`,
+        options: `always`, `rules` and `top` as of `all_subsets`; `threads` counts where it is exact, and `seed`,
             `chains` and `moves`, as of `sample_subsets`, where it is sampled.
 
     Raises:
@@ -118,7 +118,6 @@ def sample_subsets(
     *,
     always: Sequence[str] = (),
     rules: RuleMasks | None = None,
-    inclusion: float | Sequence[float] = 0.5,
     top: int = 1000,
     seed: int = 0,
     chains: int = 64,
@@ -132,7 +131,6 @@ def sample_subsets(
         names: of the terms, one for each column, at most 63.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if not given.
-        inclusion: prior probability that a term is there, before the rules; one for all, or one for each name.
         top: how many of the best structures to keep.
         seed: of the random numbers.
         chains: walkers in step, which start apart; where evidences lie far apart, they are shared out over ladders of temperatures, of
@@ -144,7 +142,7 @@ def sample_subsets(
         NumericalError: as `all_subsets`.
     """
     rules = rules or RuleMasks()
-    candidates, chance = _check_candidates(stats, names, always, rules, inclusion, top)
+    candidates = _check_candidates(stats, names, always, rules, top)
     if chains < MIN_CHAINS or moves < MIN_MOVES:
         raise InputError(
             "sampling of structures",
@@ -156,7 +154,7 @@ def sample_subsets(
     if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
-    problem = make_problem(stats, prior, candidates.sure, candidates.free, candidates.chance)
+    problem = make_problem(stats, prior, candidates.sure, candidates.free)
     units, random = make_units(rules, candidates.free, problem, len(candidates.names)), np.random.default_rng(seed)
     starts = some_starts(units, certain, rules, chains, random)
     scores = Chains(problem, units, candidates.free, rules, starts, chains, random).move().scores
@@ -166,19 +164,17 @@ def sample_subsets(
     walkers = Chains(problem, units, candidates.free, rules, starts, chains, random)
     seen, before, evaluated = walk(walkers, units.mask.size, moves)
 
-    count, mass = allowed_mass(rules, candidates.sure, chance.tolist())
-    log_share, share_error = share_inside(seen.inside, moves)
-    log_total = float(np.logaddexp.reduce(before.scores)) - log_share
+    log_total = float(np.logaddexp.reduce(before.scores)) - log_share_inside(seen.inside, moves)
     owner = np.array(
         [int(np.flatnonzero((units.members[:-1] == column).any(1))[0]) for column in range(len(candidates.free))]
     )
     ranked = np.lexsort((evaluated.codes, -evaluated.scores))
     best, most = ranked[:top], ranked[:BEST_COUNT]
-    # The log evidences of some structures by themselves, and logs of their prior probabilities.
+    # The log evidences of some structures by themselves.
     is_present = bits(evaluated.codes[best], len(candidates.names)).T.astype(bool)
-    logs = np.array([evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present])
-    each = np.where(is_present, np.log(chance), np.log1p(-chance))
-    log_evidence, log_chance = logs, each[:, candidates.free].sum(1)
+    log_evidence = np.array(
+        [evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present]
+    )
     renormalised = np.ones(len(candidates.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
     for term in candidates.free:
@@ -201,17 +197,13 @@ def sample_subsets(
         errors["inclusion_error"] = np.hypot(errors["inclusion_error"], unexplained)
     return SubsetPosterior(
         names=candidates.names,
-        stats=stats,
-        prior=prior,
         structures=evaluated.codes[best],
         log_evidence=log_evidence,
-        probability=np.exp(log_evidence + log_chance - log_total),
-        count=count,
-        log_evidence_total=log_total - float(np.log(mass)),
+        probability=np.exp(log_evidence - log_total),
+        count=count_allowed(rules, candidates.sure, len(candidates.names)),
         monte_carlo=MonteCarlo(
             covered=covered,
             renormalised=renormalised,
-            log_evidence_total_error=share_error,
             status=status,
             **errors,
         ),
@@ -290,14 +282,10 @@ def sums_over(
     )
 
 
-def share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> tuple[float, float]:
-    """Return the log of the share of visits in the structures known before, and its standard error."""
-    visits = moves - half_of(moves)
-    share = inside / visits
-    # no visit outside says only that there are fewer than about one in all visits
-    least = 1.0 / (visits * inside.size)
-    value = max(float(share.mean()), least)
-    return float(np.log(value)), float(np.hypot(share.std(ddof=1) / np.sqrt(inside.size), least) / value)
+def log_share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> float:
+    """Return the log of the share of visits in the structures known before, which counts as one visit where there is none."""
+    visits = (moves - half_of(moves)) * inside.size
+    return float(np.log(max(float(inside.sum()), 1.0) / visits))
 
 
 def half_of(moves: int) -> int:
@@ -315,14 +303,9 @@ def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Flo
 
 
 def _check_candidates(
-    stats: Gram,
-    names: Sequence[str],
-    always: Sequence[str],
-    rules: RuleMasks,
-    inclusion: float | Sequence[float],
-    top: int,
-) -> tuple[Candidates, Float[np.ndarray, " d"]]:
-    """Return the question, checked, and the prior probability of every term."""
+    stats: Gram, names: Sequence[str], always: Sequence[str], rules: RuleMasks, top: int
+) -> Candidates:
+    """Return the question, checked."""
     if len(names) > MAX_TERMS:
         raise InputError(
             "library of terms",
@@ -331,7 +314,7 @@ def _check_candidates(
             remedy="drop some, or put one axis after the other to the question",
         )
     known = [name for name in names if name in always]
-    whole = check_candidates(stats, names, [*always, *names], rules, inclusion, top)
+    whole = check_candidates(stats, names, [*always, *names], rules, top)
     free = [i for i, name in enumerate(whole.names) if name not in known]
     if not free:
         raise InputError(
@@ -341,8 +324,7 @@ def _check_candidates(
             remedy="there is one structure only: `evidence_of` gives its evidence",
         )
     sure = [i for i, name in enumerate(whole.names) if name in known]
-    chance = np.broadcast_to(np.asarray(inclusion, float), (len(whole.names),))
-    return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)), chance[free]), chance
+    return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
