@@ -11,13 +11,13 @@ def cross_validation_lines(result: CrossValidation) -> list[str]:
     if not result.found:
         return []
     table = aligned([heads(result), *rows(result)], left=(0, 1, -1))
-    return [*headline(result), *(f"    {line}" for line in new_lines(result)), note, *table, *_derived_priors(result)]
+    return [*headline(result), *(f"    {line}" for line in new_lines(result)), note, *table]
 
 
 def new_lines(result: CrossValidation) -> list[str]:
     """Return the lines for the campaign file that make what is recommended, of each other model of the error once."""
-    advised = [one for one in (result.chosen, result.whole_run) if one]
-    return [line for one in dict.fromkeys(one.lines for one in advised) for line in one]
+    lines = {one.error_model: one.lines for one in (result.chosen, result.whole_run) if one and one.lines}
+    return [line for name, own in lines.items() for line in (*([f"# error {name}"] * (len(lines) > 1)), *own)]
 
 
 def headline(result: CrossValidation) -> list[str]:
@@ -60,13 +60,9 @@ def disagreement(result: CrossValidation) -> str:
 
 def complaints(result: CrossValidation) -> list[str]:
     """Return what is not to be trusted, and what would be better."""
-    lines = [f"{one.name}: {one.result.status}" for one in result.found if one.result.status]
-    better = [sentence(one) for one in result.findings if one.level == "caution"]
-    return [
-        *better,
-        *lines,
-        *(f"{one.name}: {one.refused}" for one in result.candidates if one.refused),
-    ]
+    cautions = [sentence(one) for one in result.findings if one.level == "caution"]
+    cautions += [f"{one.name}: {one.result.status}" for one in result.found if one.result.status]
+    return cautions + [f"{one.name}: {one.refused}" for one in result.candidates if one.refused]
 
 
 def rows(result: CrossValidation) -> list[tuple[str, ...]]:
@@ -101,15 +97,3 @@ def heads(result: CrossValidation) -> tuple[str, ...]:
     """Return the heads of the table."""
     columns = [text for name in result.found[0].result.bands for text in (f"CRPS {name}", f"{name} in 50 %", "in 90 %")]
     return ("model", "error model", "weight", "whole run", "elpd", *columns, "k-hat", "probability", "terms")
-
-
-def _derived_priors(result: CrossValidation) -> list[str]:
-    """Return the priors that were derived from the data, of each model of the error once."""
-    by_name = {}
-    for one in result.found:
-        added = [line for line in one.lines[1:] if "= " in line or line.startswith("[prior")]
-        if any(line.startswith("[prior") for line in added):
-            by_name.setdefault(
-                one.error_model, f"priors of {one.structure.label}, {one.error_model}: {'; '.join(added)}"
-            )
-    return [f"not stated, so derived from the size of the data: {text}" for text in by_name.values()]

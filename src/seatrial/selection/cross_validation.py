@@ -187,23 +187,6 @@ class Stack:
 
 
 @dataclass(frozen=True)
-class Contradiction:
-    """Another structure that predicts better than the one that the evidence prefers.
-
-    Attributes:
-        kind: of all runs together ("all", nats), of a channel ("channel", mean CRPS, SI), or of one run ("run", nats).
-        other: name of the other.
-        where: channel, or run.
-        gap: how much better.
-    """
-
-    kind: str
-    other: str
-    where: str
-    gap: Gap
-
-
-@dataclass(frozen=True)
 class CrossValidation:
     """All candidates, each run left out in turn, or each block of time.
 
@@ -288,21 +271,15 @@ class CrossValidation:
     @property
     def findings(self) -> list[Finding]:
         """Return whether what was left out contradicts the evidence, and whether another model of the error is recommended."""
-        chosen, whole, own, result = self.chosen, self.whole_run, self.own_best, list(self.cautions)
-        for one in self.contradictions[:1]:
-            likely = self.likely
-            assert likely is not None  # what is contradicted
-            values = {"probability": self.probability(likely), "other": one.other, "where": one.where, "kind": one.kind}
-            values |= {"delta": one.gap.delta, "std_error": one.gap.std_error, "chance": float(np.exp(-one.gap.delta))}
-            result.append(Finding("evidence-contradicted", "alarm", (likely.name,), values))
+        chosen, whole, own = self.chosen, self.whole_run, self.own_best
+        result = [*self.cautions, *self.contradictions[:1]]
         if chosen and whole and own and {chosen.error_model, whole.error_model} != {OWN}:
             better = whole if chosen.error_model == OWN else chosen
             apart, closer = gap(better, own), self.closer(whole, own if better is whole else better)
+            names = {name for name, *_ in better.parameters}
             values = {
                 "error_model": better.error_model,
-                "axes": tuple(
-                    axis for axis in SPEEDS if f"disturbance_{axis}" in {name for name, *_ in better.parameters}
-                ),
+                "axes": tuple(axis for axis in SPEEDS if f"disturbance_{axis}" in names),
                 "delta": apart.delta,
                 "std_error": apart.std_error,
                 "forecasts": better is chosen,
@@ -319,7 +296,7 @@ class CrossValidation:
         return paired(*(self.relative_crps(each) for each in (other, one)), mean=True)
 
     @property
-    def contradictions(self) -> list[Contradiction]:
+    def contradictions(self) -> list[Finding]:
         """Where what was left out contradicts that the structure is right which the evidence prefers, the strongest kind first.
 
         If it is, p_other / p_likely has the mean 1 over runs as it makes them, so that a run for which it is e^x has a chance of e^-x at
@@ -328,23 +305,30 @@ class CrossValidation:
         likely, best = self.likely, self.own_best
         if likely is None or best is None:
             return []
+
+        def contradiction(kind: str, other: Candidate, where: str, apart: Gap) -> Finding:
+            values = {"probability": self.probability(likely), "other": other.name, "where": where, "kind": kind}
+            values |= {"delta": apart.delta, "std_error": apart.std_error, "chance": float(np.exp(-apart.delta))}
+            return Finding("evidence-contradicted", "alarm", (likely.name,), values)
+
         result = []
         if best is not likely and (apart := gap(best, likely)).is_clear(CLEAR, SMALL):
-            result.append(Contradiction("all", best.name, "", apart))
+            result.append(contradiction("all", best, "", apart))
         for channel in likely.result.bands:
             other = min(self.own, key=lambda one, channel=channel: one.result.mean_crps(channel))
             closer = paired(likely.result.crps(channel), other.result.crps(channel), mean=True)
             if other is not likely and np.isfinite(closer.delta) and closer.is_clear(CLEAR):
-                result.append(Contradiction("channel", other.name, channel, closer))
+                result.append(contradiction("channel", other, channel, closer))
         excluded = [one for one in self.own if self.probability(one) < EXCLUDED]
         looks = len(excluded) * len(self.runs)
-        runs = [
-            Contradiction("run", one.name, run.label, Gap(run.elpd - before.elpd, 0.0))
+        gains = [
+            (run.elpd - before.elpd, one, run.label)
             for one in excluded
             for run, before in zip(one.result.runs, likely.result.runs, strict=True)
         ]
-        surprising = [one for one in runs if one.gap.delta > np.log(looks / MAX_CHANCE)]
-        return [*result, *sorted(surprising, key=lambda one: -one.gap.delta)]
+        surprising = [one for one in gains if one[0] > np.log(looks / MAX_CHANCE)]
+        surprising.sort(key=lambda one: -one[0])
+        return [*result, *(contradiction("run", one, label, Gap(gain, 0.0)) for gain, one, label in surprising)]
 
     def probability(self, candidate: Candidate) -> float:
         """Return the probability by evidence of a structure among those under the same model of the error."""
