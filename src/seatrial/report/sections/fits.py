@@ -6,6 +6,7 @@ import numpy as np
 
 from seatrial.campaign.inference.baselines import NOTHING_HELD_BACK, refused_words
 from seatrial.campaign.inference.judge_predictions import trial_verdicts
+from seatrial.campaign.inference.structure_average import StructureAverage, average_of
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import count_below, shown_unit
@@ -52,7 +53,11 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
     most = int(np.clip(POINTS / (len(drawn) * channels), 250, 1000))
     cards = [_card(outcome, at, records[at], records[at].label in held_back, most) for at in drawn]
     rows = [_row(fit) for fit in outcome.fits]
+    average = average_of(outcome.campaign, outcome.estimates, outcome.selection)
     return {
+        "averaged": [model_said(outcome, label) for label in average.labels]
+        if isinstance(average, StructureAverage)
+        else [],
         "basis": _basis(outcome),
         "shown": cards[:1],
         "cards": cards[1:],
