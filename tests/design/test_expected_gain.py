@@ -265,10 +265,10 @@ def test_correction_and_its_error_from_given_explanations(monkeypatch):
 def test_gains_are_refused_where_too_many_draws_rest_on_too_few(few, refused, low):
     ess = np.full(200, MIN_ESS + 0.01)
     ess[: round(200 * few)] = low
-    said = _refusal(ess, 32, "use more")
+    said = _refusal(ess, 32)
     assert bool(said) == refused
-    assert not refused or said.endswith("use more")
-    assert _refusal(np.full(200, MIN_ESS), 32, "use more") == ""
+    assert not refused or said.endswith("use more of them")
+    assert _refusal(np.full(200, MIN_ESS), 32) == ""
 
 
 def test_importance_draws_are_student_s_and_cancel_in_pairs():

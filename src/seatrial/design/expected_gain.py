@@ -87,14 +87,12 @@ class Gain:
     Attributes:
         value: estimate, nats.
         std_error: its Monte Carlo standard error.
-        method: how it was computed.
         diagnostics: numbers that say whether to trust it.
         status: empty if healthy, else why not to use it.
     """
 
     value: float
     std_error: float
-    method: str
     diagnostics: dict[str, Any] = field(default_factory=dict)
     status: str = ""
 
@@ -214,8 +212,7 @@ def importance_gain(
         "median_ess": float(np.median(ess)),
         "low_ess": float(np.quantile(ess, MAX_POOR_SHARE)),
     }
-    name = "nested Monte Carlo, importance draws about each mode"
-    return Gain(value, float(np.sqrt(variance)), name, diagnostics, _refusal(ess, settings.inner, "use more of them"))
+    return Gain(value, float(np.sqrt(variance)), diagnostics, _refusal(ess, settings.inner))
 
 
 def _generators(key: jax.Array, which: Array) -> list[np.random.Generator]:
@@ -357,13 +354,13 @@ def _information(plan: TrialPlan, belief: Belief, control: Array, z: Array) -> A
     return jax.vmap(one)(z)
 
 
-def _refusal(ess: np.ndarray, inner: int, remedy: str) -> str:
+def _refusal(ess: np.ndarray, inner: int) -> str:
     share = float(np.mean(~(ess >= MIN_ESS)))
     if share <= MAX_POOR_SHARE:
         return ""
     return (
         f"refused: {share:.0%} of {ess.size} outer draws rest on fewer than {MIN_ESS:.0f} effective of {inner} inner draws "
-        f"(median {np.median(ess):.1f}): {remedy}"
+        f"(median {np.median(ess):.1f}): use more of them"
     )
 
 

@@ -29,23 +29,19 @@ FIRST_SD = 0.3  # Of the first population, as a share of the box
 
 @dataclass(frozen=True, eq=False)
 class GlobalOptimum:
-    """The best settings found; s settings, P members of a population.
+    """The best settings found, of s.
 
     Attributes:
         settings: shape (s,).
         utility: there.
-        evaluations: designs evaluated.
         starts: how often the search began; more than one if it settled before its budget was spent.
         spread: standard deviation of each setting over the last population, as a share of its range, shape (s,).
-        allowed: share of the designs evaluated that were allowed.
     """
 
     settings: Float[np.ndarray, " s"]
     utility: float
-    evaluations: int
     starts: int
     spread: Float[np.ndarray, " s"]
-    allowed: float
 
     @property
     def settled(self) -> bool:
@@ -59,39 +55,31 @@ def search_globally(
     upper: Float[np.ndarray, " s"],
     budget: int,
     seed: int,
-    population: int = POPULATION,
     progress: Progress = no_progress,
-) -> GlobalOptimum:
-    """Maximise a utility over a box of at least two settings. The same seed gives the same result.
+) -> GlobalOptimum | None:
+    """Maximise a utility over a box of at least two settings; None where no design is allowed. The same seed gives the same result.
 
     Args:
-        utility: batched utility; every call has `population` designs, so that it is compiled once.
+        utility: batched utility; every call has `POPULATION` designs, so that it is compiled once.
         lower: lower ends of the box, shape (s,).
         upper: upper ends.
-        budget: most designs to evaluate; whole populations are.
+        budget: most designs to evaluate, one population at least; whole populations are.
         seed: of all draws.
-        population: designs in one call.
         progress: called with the designs done and the designs in all.
-
-    Raises:
-        InputError: an empty box, fewer than two settings, a budget below one population, or no design that is allowed.
     """
-    lower, upper = np.asarray(lower, float), np.asarray(upper, float)
-    _check(lower, upper, budget, population)
     rng = np.random.default_rng(seed)
-    search = _fresh(np.full(lower.size, 0.5), rng, population)
+    search = _fresh(np.full(lower.size, 0.5), rng)
     best, settings = -np.inf, lower
-    starts, allowed, worst = 1, 0, np.inf
-    points = np.empty((population, lower.size))
-    total = budget // population * population
-    for done in range(0, total, population):
+    starts, worst = 1, np.inf
+    points = np.empty((POPULATION, lower.size))
+    total = budget // POPULATION * POPULATION
+    for done in range(0, total, POPULATION):
         if search.should_stop():
-            search = _fresh(rng.random(lower.size), rng, population)
+            search = _fresh(rng.random(lower.size), rng)
             starts += 1
-        points = np.array([search.ask() for _ in range(population)])
+        points = np.array([search.ask() for _ in range(POPULATION)])
         result = np.asarray(utility(lower + points * (upper - lower)), float)
         fine = np.isfinite(result)
-        allowed += int(fine.sum())
         if fine.any():
             worst = min(worst, float(result[fine].min()))
             top = int(np.nanargmax(np.where(fine, result, -np.inf)))
@@ -100,46 +88,15 @@ def search_globally(
         # A design that is not allowed ranks below all that are; by how much does not matter to ranks.
         cost = np.where(fine, -result, 1.0 - min(worst, 0.0))
         search.tell(list(zip(points, cost.tolist(), strict=True)))
-        progress(done + population, total)
-    if best == -np.inf:
-        raise InputError(
-            "global search, limits",
-            found=f"{total} designs, and not one of them allowed",
-            expected="some designs of the box inside the limits",
-            remedy="widen the limits, or choose the box nearer to designs that are known to be allowed",
-        )
-    return GlobalOptimum(settings, best, total, starts, points.std(0), allowed / total)
+        progress(done + POPULATION, total)
+    return None if best == -np.inf else GlobalOptimum(settings, best, starts, points.std(0))
 
 
-def _fresh(mean: np.ndarray, rng: np.random.Generator, population: int):
+def _fresh(mean: np.ndarray, rng: np.random.Generator):
     from cmaes import CMA  # of use here alone
 
     box = np.tile([0.0, 1.0], (mean.size, 1))
-    return CMA(mean, FIRST_SD, bounds=box, seed=int(rng.integers(2**31)), population_size=population)
-
-
-def _check(lower: np.ndarray, upper: np.ndarray, budget: int, population: int) -> None:
-    shapes = lower.ndim == 1 and lower.shape == upper.shape and lower.size >= 2
-    finite = shapes and bool(np.isfinite([lower, upper]).all())
-    crossed = np.flatnonzero(~(lower < upper)) if finite else np.array([], int)
-    first = int(crossed[0]) if crossed.size else 0
-    for holds, what, result, expected in (
-        (shapes, "box", f"shapes {lower.shape} and {upper.shape}", "two vectors of one length, 2 or more"),
-        (finite, "box", "ends that are not finite", "finite numbers"),
-        (
-            not crossed.size,
-            "box",
-            ""
-            if not crossed.size
-            else f"lower end {lower[first]:g} not below upper end {upper[first]:g} of setting {first + 1}: "
-            f"{lower[first] - upper[first]:.6g} too high",
-            "lower ends below upper ends",
-        ),
-        (population >= 4, "population", f"{population}", "4 or more"),
-        (budget >= population, "budget", f"{budget} designs", f"at least one population, {population}"),
-    ):
-        if not holds:
-            raise InputError(f"global search, {what}", found=result, expected=expected, remedy="correct this setting")
+    return CMA(mean, FIRST_SD, bounds=box, seed=int(rng.integers(2**31)), population_size=POPULATION)
 
 
 @dataclass(frozen=True)
@@ -189,13 +146,11 @@ class GlobalSearch:
                 _worth_of(problem, plan, family, choosing),
                 reporter.progress(f"global search: {family.words}"),
             )
-            try:
-                optimum = search_globally(worth, *_box(problem), self.budget // count, problem.seed, progress=progress)
-                optima.append((family, plan, optimum))
-            except InputError as error:
-                if "allowed" not in error.found:
-                    raise
+            optimum = search_globally(worth, *_box(problem), self.budget // count, problem.seed, progress)
+            if optimum is None:
                 refused.append(family.words)
+            else:
+                optima.append((family, plan, optimum))
         if not optima:
             raise InputError(
                 problem.place("design"),

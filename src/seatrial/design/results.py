@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import Shown, shown_unit
-from seatrial.design.utility_agreement import Agreement, compare_utilities
+from seatrial.design.utility_agreement import EXPECTED, Agreement, compare_utilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,6 @@ class BestDesign:
     sd_after: dict[str, float]
 
 
-EXPECTED = "expected information gain"
 POPULATION = 16  # Designs of one family that a global search evaluates at once
 
 

@@ -19,6 +19,7 @@ from seatrial.core.errors import InputError
 MIN_DESIGNS = 5  # Designs below which a rank correlation says nothing
 RESAMPLES = 2000
 LEVEL = 0.95
+EXPECTED = "expected information gain"
 
 
 @dataclass(frozen=True)
@@ -49,30 +50,24 @@ class Agreement:
 def compare_utilities(
     cheap: Mapping[str, Float[np.ndarray, " D"]],
     expensive: Float[np.ndarray, " D"],
-    std_error: Float[np.ndarray, " D"] | float = 0.0,
-    name: str = "expected information gain",
-    unit: str = "nat",
-    seed: int = 0,
+    std_error: Float[np.ndarray, " D"],
 ) -> tuple[Agreement, ...]:
-    """Compare cheap utilities with an expensive one; higher is better in all.
+    """Compare cheap utilities with the expected information gain; higher is better in all.
 
     Args:
         cheap: each utility by name, one number for each of D designs.
-        expensive: the utility that counts.
+        expensive: the expected information gain, nats.
         std_error: Monte Carlo standard error of each of its values; its error is taken as independent between designs, so that
             common random numbers make the stated error of the regret too large, never too small.
-        name: of the expensive utility.
-        unit: of the expensive utility.
-        seed: of the bootstrap.
 
     Raises:
         InputError: fewer than five designs, lengths that differ, or values that are not finite.
     """
     expensive = np.asarray(expensive, float)
-    error = np.broadcast_to(np.asarray(std_error, float), expensive.shape)
-    for label, values in {name: expensive, **cheap}.items():
+    error = np.asarray(std_error, float)
+    for label, values in {EXPECTED: expensive, **cheap}.items():
         _check(label, np.asarray(values, float), expensive.size)
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     resampled = random.integers(expensive.size, size=(RESAMPLES, expensive.size))
     # The designs' own draws are common to all resamples of a design, so that one design drawn twice stays tied with itself.
     again = (expensive + error * random.normal(size=resampled.shape))[np.arange(RESAMPLES)[:, None], resampled]
@@ -86,9 +81,7 @@ def compare_utilities(
         chosen = int(np.argmax(values))
         regret = float(expensive[best] - expensive[chosen])
         doubt = 0.0 if chosen == best else float(np.hypot(error[best], error[chosen]))
-        words = (
-            f"{label} beside {name}: {_of_ranks(correlation, interval)}; {_of_choice(regret, doubt, expensive, unit)}"
-        )
+        words = f"{label} beside {EXPECTED}: {_of_ranks(correlation, interval)}; {_of_choice(regret, doubt, expensive)}"
         compared.append(Agreement(label, correlation, interval, chosen, best, regret, doubt, words))
     return tuple(compared)
 
@@ -129,13 +122,13 @@ def _of_ranks(correlation: float, interval: tuple[float, float]) -> str:
     return f"rank correlation {correlation:.2f} ({LEVEL:.0%} interval {interval[0]:.2f} to {interval[1]:.2f})"
 
 
-def _of_choice(regret: float, error: float, expensive: np.ndarray, unit: str) -> str:
+def _of_choice(regret: float, error: float, expensive: np.ndarray) -> str:
     if regret == 0.0:
         return "it chooses a design that is best"
     span = float(np.ptp(expensive))
-    lost = f"{regret:.3g} {unit} ({regret / span:.1%} of the range over these designs)"
+    lost = f"{regret:.3g} nat ({regret / span:.1%} of the range over these designs)"
     if regret <= 2.0 * error:
-        return f"its choice seems to lose {lost}, within two Monte Carlo standard errors of the difference, {2 * error:.2g} {unit}"
+        return f"its choice seems to lose {lost}, within two Monte Carlo standard errors of the difference, {2 * error:.2g} nat"
     return f"its choice loses {lost}" + (f", Monte Carlo error {error:.2g}" if error else "")
 
 
