@@ -16,7 +16,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding
 from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
-from seatrial.estimation.prediction.prediction_scores import unscored
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, unscored
 from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement, rows
 from seatrial.messages.render import sentence
 from seatrial.messages.selection import ERROR_MODELS
@@ -121,6 +121,19 @@ def test_forecasts_and_whole_runs_may_need_different_models():
     as_close = replace(force, left=replace(force.result, runs=LIKELY.result.runs))
     again = found(LIKELY, with_elpd(as_close, (40.0, 42.0, 41.0)))
     assert again.whole_run is again.chosen is again.candidates[1]
+
+
+def test_a_model_that_diverges_is_for_no_whole_run():
+    first, *others = LIKELY.result.runs
+    lost = replace(first, scores={"u": unscored(100, DIVERGES)})
+    own = replace(LIKELY, left=replace(LIKELY.result, runs=(lost, *others)))
+    bounded = candidate("M-0", (1.0, 1.0, 1.0), -60.0, (0.04, 0.04, 0.04), "heavy", ("[estimation]",))
+    both = found(own, bounded)
+    assert (both.chosen, both.whole_run) == (own, bounded)
+    said = cross_validation_lines(both)
+    assert said[1].endswith("error heavy: it does not diverge")
+    assert rows(both)[0][3] == "diverges"
+    assert "the other diverges" in complaints(both)[0]
 
 
 def test_a_model_for_whole_runs_alone_is_recommended_for_them():

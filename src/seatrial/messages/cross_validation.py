@@ -37,7 +37,11 @@ def headline(result: CrossValidation) -> list[str]:
         lines.append(f"recommended: {_whole_name(chosen)}: {why}")
     else:
         closer = result.closer(whole, chosen)
-        smaller = f"its CRPS is {closer.delta:.0%} ± {closer.std_error:.0%} smaller"
+        smaller = (
+            f"its CRPS is {closer.delta:.0%} ± {closer.std_error:.0%} smaller"
+            if not chosen.diverges
+            else "it does not diverge"
+        )
         lines.append(f"recommended for forecasts from now: {_whole_name(chosen)}: {why}")
         lines.append(f"recommended for predictions of a whole run: {_whole_name(whole)}: {smaller}")
     lines += [
@@ -74,7 +78,7 @@ def rows(result: CrossValidation) -> list[tuple[str, ...]]:
             member.model,
             member.error_model,
             f"{member.weight:.2f}",
-            f"{member.crps:.2f}",
+            "diverges" if one.diverges else f"{member.crps:.2f}",
             "best" if member.delta == 0.0 else f"{member.delta:+.1f} ± {member.std_error:.1f}",
             *(
                 text

@@ -49,7 +49,11 @@ ERROR_MODELS = {
 
 def _better(values: Mapping[str, Any]) -> str:
     text = '{subject:and} with the error model "{error_model}"' + f" ({ERROR_MODELS[values['error_model']]}) "
-    closer = "the CRPS of a whole run is {closer:.0%} ± {closer_error:.0%} smaller"
+    closer = (
+        "the CRPS of a whole run is {closer:.0%} ± {closer_error:.0%} smaller"
+        if values["bounded"]
+        else "the other diverges"
+    )
     if not values["forecasts"]:
         return f"{text}simulates runs left out more closely than as stated: {closer}. Forecasts from now do not need it"
     text += "predicts runs left out better than the best structure as stated, by {delta:.1f} ± {std_error:.1f} nats"
@@ -113,6 +117,7 @@ ENTRIES = {
                 "std_error": 12.0,
                 "forecasts": True,
                 "whole_run": "M-1 (error as stated)",
+                "bounded": True,
                 "closer": 0.12,
                 "closer_error": 0.05,
             },

@@ -131,6 +131,11 @@ class Candidate:
         assert self.left is not None
         return self.left
 
+    @property
+    def diverges(self) -> bool:
+        """Whether its simulation of any run grows without bound."""
+        return any(score.missing == DIVERGES for run in self.result.runs for score in run.scores.values())
+
     @computed_field
     @property
     def total(self) -> float:
@@ -229,8 +234,13 @@ class CrossValidation:
         members = zip(ordered, crps.sum(0), weights, gaps, strict=True)
         stated = ["" if one.error_model == OWN else one.error_model for one in ordered]
         terms = [len(one.structure.terms) for one in ordered]
-        chosen, closest = simplest(density, stated, terms), int(crps.sum(0).argmin())
-        is_worse = paired(crps[:, chosen], crps[:, closest]).is_clear(1.0, SMALL_CRPS)
+        chosen = whole = simplest(density, stated, terms)
+        # A model that diverges in one run predicts none, though that run alone makes the standard error as large as the difference.
+        bounded = [k for k, one in enumerate(ordered) if not one.diverges] or [*range(len(ordered))]
+        closest = min(bounded, key=lambda k: crps[:, k].sum())
+        if chosen not in bounded or paired(crps[:, chosen], crps[:, closest]).is_clear(1.0, SMALL_CRPS):
+            of_bounded = [stated[k] for k in bounded], [terms[k] for k in bounded]
+            whole = bounded[simplest(-crps[:, bounded], *of_bounded, SMALL_CRPS)]
         return Stack(
             tuple(
                 Member(
@@ -245,7 +255,7 @@ class CrossValidation:
                 for one, c, w, apart in members
             ),
             chosen,
-            simplest(-crps, stated, terms, SMALL_CRPS) if is_worse else chosen,
+            whole,
             mixture_score(density, weights) - ordered[0].total,
             bool(self.contradictions),
         )
@@ -262,7 +272,8 @@ class CrossValidation:
 
     def relative_crps(self, candidate: Candidate) -> tuple[float, ...]:
         """Return the CRPS of each run, over the mean of the campaign's own setting, mean over channels; large where it diverges."""
-        reference = (self.own_best or self.ordered[0]).result
+        bounded = [one for one in (self.own_best, *self.ordered) if one and not one.diverges]
+        reference = (bounded or self.ordered)[0].result
         means = {name: reference.mean_crps(name) for name in reference.bands}
         scales = {name: mean if 0.0 < mean < np.inf else 1.0 for name, mean in means.items()}
         ratios = [np.divide(candidate.result.crps(name), scale) for name, scale in scales.items()]
@@ -275,7 +286,8 @@ class CrossValidation:
         result = [*self.cautions, *self.contradictions[:1]]
         if chosen and whole and own and {chosen.error_model, whole.error_model} != {OWN}:
             better = whole if chosen.error_model == OWN else chosen
-            apart, closer = gap(better, own), self.closer(whole, own if better is whole else better)
+            beside = own if better is whole else better
+            apart, closer = gap(better, own), self.closer(whole, beside)
             names = {name for name, *_ in better.parameters}
             values = {
                 "error_model": better.error_model,
@@ -284,6 +296,7 @@ class CrossValidation:
                 "std_error": apart.std_error,
                 "forecasts": better is chosen,
                 "whole_run": "" if whole is chosen else f"{whole.structure.label} (error {whole.error_model})",
+                "bounded": not beside.diverges,
                 "closer": closer.delta,
                 "closer_error": closer.std_error,
             }
@@ -316,9 +329,10 @@ class CrossValidation:
             result.append(contradiction("all", best, "", apart))
         for channel in likely.result.bands:
             other = min(self.own, key=lambda one, channel=channel: one.result.mean_crps(channel))
-            closer = paired(likely.result.crps(channel), other.result.crps(channel), mean=True)
-            if other is not likely and np.isfinite(closer.delta) and closer.is_clear(CLEAR):
-                result.append(contradiction("channel", other, channel, closer))
+            if other is not likely and not likely.diverges:
+                closer = paired(likely.result.crps(channel), other.result.crps(channel), mean=True)
+                if closer.is_clear(CLEAR):
+                    result.append(contradiction("channel", other, channel, closer))
         excluded = [one for one in self.own if self.probability(one) < EXCLUDED]
         looks = len(excluded) * len(self.runs)
         gains = [
