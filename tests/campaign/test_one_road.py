@@ -38,6 +38,7 @@ ROADS = {
     "estimates": ["make_posterior", "find_mode", "uncouple", "spread_starts", "error_budget", "diagnose"],
     "selection": ["make_posterior", "run_task", "select"],
     "chosen": [],
+    "average": [],
     "full": [],
     "known": ["make_posterior", "identify"],
     "promised": ["identifiability_of_design"],
