@@ -122,12 +122,6 @@ def test_no_design_inside_the_limits(limits, found):
     assert found in caught.value.found
 
 
-@pytest.mark.parametrize(("amplitudes", "thresholds"), [([0.0, 1.0], [0.1]), ([1.0], [-0.1]), ([1.0], [np.nan])])
-def test_impossible_grids(amplitudes, thresholds):
-    with pytest.raises(InputError, match="design grid"):
-        sweep_relay(paper_space(BELIEF_SD), SHORT, np.array(amplitudes), np.array(thresholds), method=FAST)
-
-
 def test_motion_that_diverges():
     runaway = np.array([U0, X_U, 60.0, THRUST])
     with pytest.raises(NumericalError, match=r"first at amplitude.*threshold.*narrow the priors"):

@@ -19,7 +19,7 @@ from seatrial.design.limit_conflicts import (
     least_miss,
     remedy_of_any,
 )
-from seatrial.design.motion_limits import MotionLimit
+from seatrial.design.motion_limits import MotionLimit, check_motion_limits
 from seatrial.design.safety import Safety, judge_runs, judge_safety, least_rooms, probability_at_least
 from seatrial.design.trial_plan import plan_trial
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
@@ -107,15 +107,15 @@ def test_share_of_draws_against_the_exact_probability():
 def test_bound_of_the_probability_is_that_of_scipy():
     for held, count in ((0, 30), (17, 30), (59, 59), (195, 200)):
         peer = stats.binomtest(held, count, alternative="greater").proportion_ci(0.95, method="exact").low
-        assert probability_at_least(np.array(held), count, 0.95) == pytest.approx(peer, abs=1e-12)
+        assert probability_at_least(np.array(held), count) == pytest.approx(peer, abs=1e-12)
 
 
 def test_claims_are_true_as_often_as_they_say():
-    """P(k >= needed) when the limit truly holds with just the probability asked for: 1 - confidence at most, by the binomial."""
-    for count, probability, confidence in ((59, 0.95, 0.95), (200, 0.95, 0.95), (400, 0.9, 0.99)):
-        needed = Safety(WIDE, probability, confidence, np.zeros((1, count, 2)), np.zeros(1, int)).needed
-        assert stats.binom(count, probability).sf(needed - 1) <= 1 - confidence
-        assert stats.binom(count, probability).sf(needed - 2) > 1 - confidence
+    """P(k >= needed) when the limit truly holds with just the probability asked for: 0.05 at most, by the binomial."""
+    for count, probability in ((59, 0.95), (200, 0.95), (400, 0.9)):
+        needed = Safety(WIDE, probability, np.zeros((1, count, 2)), np.zeros(1, int)).needed
+        assert stats.binom(count, probability).sf(needed - 1) <= 0.05
+        assert stats.binom(count, probability).sf(needed - 2) > 0.05
 
 
 def test_margin_is_what_the_bound_could_give_up():
@@ -245,7 +245,7 @@ def test_pair_that_conflicts():
     rooms = found.room.copy()
     rooms[..., 1] = way(FORCES[:, None], -draws[:, 0]) - 30.0  # an advance of 30 m at least by the end
     found = Safety(
-        (found.limits[0], MotionLimit("advance", lower=30.0), *found.limits[2:]), 0.95, 0.95, rooms, found.diverged
+        (found.limits[0], MotionLimit("advance", lower=30.0), *found.limits[2:]), 0.95, rooms, found.diverged
     )
     assert conflicting_pairs(found) == [(0, 1)]
     speed, far = top_speed(8.0, -draws[:, 0]), way(4.0, -draws[:, 0])
@@ -297,7 +297,7 @@ def test_three_limits_of_which_every_two_leave_designs():
     room = np.ones((3, 59, 3))
     for i in range(3):
         room[i, :, i] = -0.25 * (i + 1)
-    found = Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, 0.95, room, np.zeros(3, int))
+    found = Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, room, np.zeros(3, int))
     with pytest.raises(InputError, match="every two limits leave designs") as caught:
         check_some_allowed(found)
     assert "beside all others advance at most 9 m is missed by 0.75 m by design 2" in caught.value.found
@@ -322,13 +322,7 @@ def test_states_that_the_vehicle_lacks():
 @pytest.mark.parametrize(
     ("limits", "asked", "words"),
     [
-        ((), {}, "none"),
-        ((MotionLimit("u"),), {}, "from -inf to inf m/s"),
-        ((MotionLimit("u", 2.0, 1.0),), {}, "from 2 to 1 m/s"),
-        ((MotionLimit("distance", upper=float("nan")),), {}, "to nan m"),
-        ((MotionLimit("y"),), {"plan": plan_trial(SHIP, [0.0] * 3, {"u": 0.05}, N, STEP)}, "from -inf to inf"),
         (WIDE, {"probability": 1.0}, "1"),
-        (WIDE, {"confidence": 0.0}, "0"),
         (WIDE, {"draws": drag_draws(58)}, "58 draws: if every limit held in all of them, that would show a probability of 0.9497"),
         (WIDE, {"draws": np.ones((59, 2))}, "shape (59, 2)"),
         (WIDE, {"controls": STEPS[:, :-1]}, "shape (3, 119, 1)"),
@@ -340,6 +334,21 @@ def test_what_is_refused(limits, asked, words):
     assert words in error.found
     if "draws" in error.where and "58" in error.found:
         assert "at least 59 draws" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        (MotionLimit("u"), "from -inf to inf m/s"),
+        (MotionLimit("u", 2.0, 1.0), "from 2 to 1 m/s"),
+        (MotionLimit("distance", upper=float("nan")), "to nan m"),
+        (MotionLimit("y"), "from -inf to inf"),
+    ],
+)
+def test_bounds_that_bound_nothing(limit, words):
+    with pytest.raises(InputError) as caught:
+        check_motion_limits(SHIP, [limit])
+    assert words in caught.value.found
 
 
 def test_more_designs_than_one_block_are_those_alone():
@@ -372,7 +381,7 @@ def test_runs_of_a_closed_loop_are_judged_each_with_its_own_control():
     np.testing.assert_allclose(found.room[0, :, 0], 2.0 - top_speed(forces, drag), atol=1e-4)
     np.testing.assert_allclose(found.room[0, :, 1], 40.0 - way(forces, drag), atol=2e-3)
     assert found.diverged.tolist() == [0]
-    assert (found.probability, found.confidence, found.limits) == (0.95, 0.95, limits)
+    assert (found.probability, found.limits) == (0.95, limits)
     wild = np.vstack([draws[:-2], np.full((2, 1), 1e6)])
     found = judge_runs(PLAN, controls, wild, limits)
     assert found.diverged.tolist() == [2]
@@ -393,7 +402,4 @@ def test_pairs_that_leave_most_designs_alone_come_first(left, pairs):
     room = -np.ones((6, 59, 3))
     for limit, designs in enumerate(left):
         room[designs, :, limit] = 1.0
-    assert (
-        conflicting_pairs(Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, 0.95, room, np.zeros(6, int)))
-        == pairs
-    )
+    assert conflicting_pairs(Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, room, np.zeros(6, int))) == pairs

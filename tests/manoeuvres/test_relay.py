@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Limits, check_limits
 from seatrial.manoeuvres.relay import RelayFamily, replay, run_relay
 from seatrial.numerics.gaussian import independent
@@ -149,24 +148,3 @@ def test_pitch_zigzag_of_the_longitudinal_vehicle():
     assert pitch.min() < -0.2
     assert np.abs(run.state[:, 3]).max() < 1.5
     assert run_relay(space, replace(family, effect=1.0), 0.15, 0.2, start).switches == 0
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"control": "delta_s"}, "control\n.*delta_s"),
-        ({"output": "q"}, "output\n.*q"),
-        ({"effect": 0.5}, "effect"),
-        ({"sample_time": 0.0}, "sample_time"),
-        ({"sample_time": 31.0}, "sample_time"),
-        ({"duration": float("inf")}, "sample_time"),
-        ({"start": 30.0}, "timing"),
-        ({"start": -1.0}, "timing"),
-        ({"active": 0.0}, "timing"),
-        ({"rate": 0.0}, "timing"),
-        ({"rate": float("nan")}, "timing"),
-    ],
-)
-def test_impossible_families(changes, message):
-    with pytest.raises(InputError, match=message):
-        run_relay(surge_space(), replace(FAMILY, **changes), AMPLITUDE, THRESHOLD, START)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.free_form_objective import Course, Setup, Watched, courses
-from seatrial.design.motion_limits import MotionLimit, check_motion_limits
+from seatrial.design.motion_limits import MotionLimit
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.free_form import SteppedInput
 from seatrial.manoeuvres.manoeuvre import Limits
@@ -134,8 +134,6 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
     """
     _check_fit(problem)
     _check_control(problem)
-    if problem.motion:
-        check_motion_limits(problem.plan.model, problem.motion)
     still = np.zeros((1, problem.form.size))
     course = Course(
         *(np.asarray(each)[0] for each in courses(problem.setup(), problem.watched(), still, problem.block))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seatrial.core.errors import InputError, SeatrialError
-from seatrial.design.safety import Safety
+from seatrial.design.safety import CONFIDENCE, Safety
 
 MAX_PAIRS = 3  # Conflicting pairs that are told, most telling first
 # How the remedy ends that widens limits
@@ -61,8 +61,7 @@ def check_some_allowed(safety: Safety) -> None:
     misses, ways = _misses(safety, kept)
     summary = "; ".join([*results, *misses])
     expected = (
-        f"at least one design that keeps all limits with probability {safety.probability:g} "
-        f"(confidence {safety.confidence:g})"
+        f"at least one design that keeps all limits with probability {safety.probability:g} (confidence {CONFIDENCE:g})"
     )
     if lost.all():
         remedy = "narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"

@@ -66,10 +66,8 @@ def check_motion_limits(model: VehicleModel, limits: Sequence[MotionLimit]) -> N
     """Check limits before anything is simulated.
 
     Raises:
-        InputError: no limit, bounds that bound nothing or admit nothing, or a signal that the vehicle does not have.
+        InputError: bounds that bound nothing or admit nothing, or a signal that the vehicle does not have.
     """
-    if not limits:
-        raise InputError("safety limits", found="none", expected="at least one", remedy="bound a state or the distance")
     limit_integrals(model, limits)
     for limit in limits:
         lower, upper = limit.lower, limit.upper

@@ -28,7 +28,7 @@ from seatrial.filters.belief import Filter
 from seatrial.filters.run import summarise_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
-from seatrial.manoeuvres.relay import RelayFamily, RelayRun, check_family, oscillation, replay, run_relay
+from seatrial.manoeuvres.relay import RelayFamily, RelayRun, oscillation, replay, run_relay
 from seatrial.numerics.state_space import StateSpace
 
 
@@ -93,12 +93,11 @@ def sweep_relay(
         noise: error of the output as the relay sees it, the same for all designs; None for a perfect sensor.
 
     Raises:
-        InputError: amplitudes or thresholds that are not positive, no design inside the limits, or none that oscillates.
+        InputError: no design inside the limits, or none that oscillates.
         NumericalError: the expected motion diverges or the filter fails for a design that is inside the limits.
     """
-    check_family(family, space)
     amplitudes, thresholds = (grid.ravel() for grid in np.meshgrid(amplitude, threshold, indexing="ij"))
-    allowed = _allowed(family, amplitudes, thresholds, limits)
+    allowed = _allowed(family, amplitudes, limits)
     n = family.time().size
     mask = np.ones((n, len(space.outputs))) if measured is None else measured
     start = space.initial.mean if truth is None else np.asarray(truth, float)
@@ -136,14 +135,7 @@ def sweep_relay(
     )
 
 
-def _allowed(family: RelayFamily, amplitudes: np.ndarray, thresholds: np.ndarray, limits: Limits) -> np.ndarray:
-    if not (np.isfinite([*amplitudes, *thresholds]).all() and min(*amplitudes, *thresholds) > 0):
-        raise InputError(
-            "design grid",
-            found=f"amplitudes from {amplitudes.min():g}, thresholds from {thresholds.min():g}",
-            expected="positive numbers",
-            remedy="both are changes from trim; `effect` says which way the output moves",
-        )
+def _allowed(family: RelayFamily, amplitudes: np.ndarray, limits: Limits) -> np.ndarray:
     excesses = []
     for amplitude in amplitudes:
         # The steepest edge goes from one side to the other: a relay never does more.
@@ -192,7 +184,6 @@ def _predict(
 
 # Thresholds that are proposed, as shares of what a step of the control by its least amplitude comes to
 PROPOSED_SHARES = (0.2, 0.8)
-CONFIDENCE = 0.95  # Of the claim that a test oscillates inside the limits with the probability asked for
 RANGE_QUANTILES = (0.05, 0.5, 0.95)  # Quantiles over the vehicles that the priors allow
 
 
@@ -393,7 +384,7 @@ def _sure_best(
         if problem.motion:
             safety = judge_runs(loop.plan, controls, draws, problem.motion, probability)
             kept, words = turns & safety.held[0].all(1), "; ".join((words, *safety.words(0)))
-        if probability_at_least(kept.sum(), len(draws), CONFIDENCE) >= probability:
+        if probability_at_least(kept.sum(), len(draws)) >= probability:
             report(len(order), len(order))
             return row, column, tried
         (c, c_unit), (y, y_unit) = shown_unit(loop.family.control), shown_unit(loop.family.output)

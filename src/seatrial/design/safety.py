@@ -1,6 +1,6 @@
 """Which designs keep a vehicle inside its limits with a stated probability, over draws of what is believed about it.
 
-A limit that holds in k of S draws holds with probability p at least, where P(Binomial(S, p) >= k) = 1 - confidence (Clopper and
+A limit that holds in k of S draws holds with probability p at least, where P(Binomial(S, p) >= k) = 0.05, at 95 % confidence (Clopper and
 Pearson, 1934). A design is allowed where all limits hold together with the probability asked for. The margin of a limit is the
 room that the same share of vehicles has at least, at the same confidence: an order statistic of the draws (Wilks, 1941), 0 or more
 exactly where the limit alone would be kept. Between samples nothing is looked at. The confidence is that of each design by itself:
@@ -22,9 +22,11 @@ from scipy.special import betaincinv
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
 from seatrial.design.integrals import follow_joint
-from seatrial.design.motion_limits import MotionLimit, check_motion_limits, limit_integrals, room
+from seatrial.design.motion_limits import MotionLimit, limit_integrals, room
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+
+CONFIDENCE = 0.95  # Of each claim that something holds with a probability at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,6 @@ class Safety:
     Attributes:
         limits: limits, in the order of every axis m.
         probability: with which all limits together must hold.
-        confidence: of that claim, for each design.
         room: least distance to the bounds over the whole trial, in the unit of each limit, below 0 where broken; -inf where the
             motion diverges, which breaks every limit, shape (D, S, m).
         diverged: draws whose motion diverges, shape (D,).
@@ -43,7 +44,6 @@ class Safety:
 
     limits: tuple[MotionLimit, ...]
     probability: float
-    confidence: float
     room: Float[np.ndarray, "D S m"]
     diverged: Int[np.ndarray, " D"]
     names: tuple[str, ...] = ()
@@ -60,9 +60,7 @@ class Safety:
     @property
     def needed(self) -> int:
         """Draws in which something must hold for the claim."""
-        return int(
-            np.argmax(probability_at_least(np.arange(self.draws + 1), self.draws, self.confidence) >= self.probability)
-        )
+        return int(np.argmax(probability_at_least(np.arange(self.draws + 1), self.draws) >= self.probability))
 
     @property
     def held(self) -> Bool[np.ndarray, "D S m"]:
@@ -77,7 +75,7 @@ class Safety:
     @property
     def at_least(self) -> Float[np.ndarray, "D m"]:
         """Probability with which each limit holds at least."""
-        return probability_at_least(self.held.sum(1), self.draws, self.confidence)
+        return probability_at_least(self.held.sum(1), self.draws)
 
     @property
     def joint_share(self) -> Float[np.ndarray, " D"]:
@@ -87,7 +85,7 @@ class Safety:
     @property
     def joint_at_least(self) -> Float[np.ndarray, " D"]:
         """Probability with which all limits hold together at least."""
-        return probability_at_least(self.held.all(2).sum(1), self.draws, self.confidence)
+        return probability_at_least(self.held.all(2).sum(1), self.draws)
 
     @property
     def margin(self) -> Float[np.ndarray, "D m"]:
@@ -116,7 +114,7 @@ class Safety:
         return (
             *lines,
             f"all together: in {together} of {self.draws} draws, probability at least {self.joint_at_least[design]:.3f} "
-            f"at {self.confidence:g} confidence, {self.probability:g} asked for"
+            f"at {CONFIDENCE:g} confidence, {self.probability:g} asked for"
             + (f"; the motion diverges in {self.diverged[design]}" if self.diverged[design] else ""),
         )
 
@@ -127,7 +125,6 @@ def judge_safety(
     draws: Float[np.ndarray, "S k"],
     limits: Sequence[MotionLimit],
     probability: float = 0.95,
-    confidence: float = 0.95,
     samples: Int[np.ndarray, " D"] | None = None,
 ) -> Safety:
     """Simulate every design with every draw and count which limits hold from the first sample to the end of the last step.
@@ -138,15 +135,13 @@ def judge_safety(
         draws: coefficients drawn from what is believed, SI.
         limits: limits of the motion.
         probability: with which all must hold together.
-        confidence: of that claim.
         samples: after which each design is ended; None where all run to the end of the plan.
 
     Raises:
         InputError: limits that the vehicle cannot have, arrays of other shapes or without a number, or so few draws that not even
             limits that always hold could be claimed to hold.
     """
-    check_motion_limits(plan.model, limits)
-    _check(probability, confidence, len(draws))
+    _check(probability, len(draws))
     controls, draws = check_runs(plan, controls, draws)
     ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
     # The same noise of the sensors for all designs and in every call, so that they differ by themselves alone.
@@ -155,7 +150,7 @@ def judge_safety(
     run = partial(_rooms, plan, tuple(limits), np.asarray(draws, float), noise)
     least, finite = in_blocks(run, controls, ends)
     rooms = np.where(finite[..., None], least, -np.inf)
-    return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(1))
+    return Safety(tuple(limits), probability, rooms, (~finite).sum(1))
 
 
 def judge_runs(
@@ -164,7 +159,6 @@ def judge_runs(
     draws: Float[np.ndarray, "S k"],
     limits: Sequence[MotionLimit],
     probability: float = 0.95,
-    confidence: float = 0.95,
 ) -> Safety:
     """Judge one closed-loop design, whose control differs from draw to draw; arguments and errors as `judge_safety`.
 
@@ -174,14 +168,12 @@ def judge_runs(
         draws: coefficients drawn from what is believed, SI.
         limits: limits of the motion.
         probability: with which all must hold together.
-        confidence: of that claim.
     """
-    check_motion_limits(plan.model, limits)
-    _check(probability, confidence, len(draws))
+    _check(probability, len(draws))
     controls, draws = check_runs(plan, controls, draws)
     least, finite = in_blocks(partial(_paired_rooms, plan, tuple(limits)), controls, draws)
     rooms = np.where(finite[:, None], least, -np.inf)[None]
-    return Safety(tuple(limits), probability, confidence, rooms, (~finite).sum(keepdims=True))
+    return Safety(tuple(limits), probability, rooms, (~finite).sum(keepdims=True))
 
 
 def least_rooms(
@@ -214,9 +206,9 @@ def least_rooms(
     return jnp.stack(rooms), jnp.isfinite(moved).all()
 
 
-def probability_at_least(held: Int[np.ndarray, "*any"], draws: int, confidence: float) -> Float[np.ndarray, "*any"]:
+def probability_at_least(held: Int[np.ndarray, "*any"], draws: int) -> Float[np.ndarray, "*any"]:
     """Lower bound of the probability of what held in so many of the draws (Clopper and Pearson, one-sided)."""
-    return np.where(held > 0, betaincinv(np.maximum(held, 1), draws - held + 1, 1 - confidence), 0.0)
+    return np.where(held > 0, betaincinv(np.maximum(held, 1), draws - held + 1, 1 - CONFIDENCE), 0.0)
 
 
 def check_runs(
@@ -262,17 +254,19 @@ def _paired_rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array)
     return jax.vmap(lambda control, values: least_rooms(plan, limits, values, control))(controls, draws)
 
 
-def _check(probability: float, confidence: float, draws: int) -> None:
-    for name, value in (("probability", probability), ("confidence", confidence)):
-        if not 0 < value < 1:
-            raise InputError(
-                f"safety, {name}", found=f"{value:g}", expected="between 0 and 1", remedy="0.95 is a common choice"
-            )
-    if draws and probability_at_least(np.array(draws), draws, confidence) < probability:
-        most = float(probability_at_least(np.array(draws), draws, confidence))
+def _check(probability: float, draws: int) -> None:
+    if not 0 < probability < 1:
+        raise InputError(
+            "safety, probability",
+            found=f"{probability:g}",
+            expected="between 0 and 1",
+            remedy="0.95 is a common choice",
+        )
+    most = float(probability_at_least(np.array(draws), draws)) if draws else 1.0
+    if most < probability:
         raise InputError(
             "safety, draws",
             found=f"{draws} draws: if every limit held in all of them, that would show a probability of {most:.4g}",
-            expected=f"enough draws to show {probability:g} with confidence {confidence:g}",
-            remedy=f"take at least {ceil(log(1 - confidence) / log(probability))} draws, or ask for less",
+            expected=f"enough draws to show {probability:g} with confidence {CONFIDENCE:g}",
+            remedy=f"take at least {ceil(log(1 - CONFIDENCE) / log(probability))} draws, or ask for less",
         )

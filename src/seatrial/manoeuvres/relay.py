@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from seatrial.compiled.programs import program
-from seatrial.core.errors import InputError
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import time_loop
@@ -166,15 +165,9 @@ def run_relay(
         threshold: change of the output from trim at which the control is reversed, SI.
         start: dynamic states and coefficients, in the units of `space`.
         noise: added to the output that is fed back; NaN where it is not measured; None for a perfect sensor.
-
-    Raises:
-        InputError: a family that does not fit the space.
     """
-    check_family(family, space)
-    n = family.time().size
-    return _run(
-        space, family, amplitude, threshold, jnp.asarray(start, float), jnp.zeros(n) if noise is None else noise
-    )
+    error = jnp.zeros(family.time().size) if noise is None else noise
+    return _run(space, family, amplitude, threshold, jnp.asarray(start, float), error)
 
 
 def replay(family: RelayFamily, amplitude: float, threshold: float, run: RelayRun) -> Manoeuvre:
@@ -194,41 +187,6 @@ def replay(family: RelayFamily, amplitude: float, threshold: float, run: RelayRu
         return held[np.clip(index, 0, held.size - 1)]
 
     return Manoeuvre("self-oscillation", family.control, family.duration, settings, signal)
-
-
-def check_family(family: RelayFamily, space: StateSpace) -> None:
-    """Check that the family names a control of its own and a channel of the space, and that its numbers make sense.
-
-    Raises:
-        InputError: naming the setting at fault.
-    """
-    named, span = dict(family.trim), f"{family.sample_time:g} s in a trial of {family.duration:g} s"
-    timing = f"start {family.start:g} s, active {family.active:g} s, rate {family.rate:g} per s"
-    in_time = 0 <= family.start < family.duration and family.active > 0 and family.rate > 0
-    for holds, setting, found, expected in (
-        (family.control in named, "control", family.control, "a control with a trim value: " + ", ".join(named)),
-        (family.output in space.outputs, "output", family.output, "a measured channel: " + ", ".join(space.outputs)),
-        (
-            family.effect in (1.0, -1.0),
-            "effect",
-            str(family.effect),
-            "1 or -1, as more control raises the output or not",
-        ),
-        (
-            0 < family.sample_time <= family.duration < inf,
-            "sample_time",
-            span,
-            "a positive sample time within the trial",
-        ),
-        (in_time, "timing", timing, f"a start before {family.duration:g} s, and a positive active time and rate"),
-    ):
-        if not holds:
-            raise InputError(
-                f"manoeuvre relay, {setting}",
-                found=found,
-                expected=expected,
-                remedy="correct this setting of the family",
-            )
 
 
 @program(static_argnums=1)
