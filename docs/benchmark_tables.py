@@ -18,8 +18,27 @@ def main(folder: Path) -> None:
     results = [json.loads((folder / name / "result.json").read_text()) for name in ORDER]
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     _, _, after = rest.partition(END)
-    tables = "\n\n".join(map(table, results))
+    tables = "\n\n".join([count(results), *map(table, results)])
     PAGE.write_text(f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}", encoding="utf-8")
+
+
+def count(results: list[dict]) -> str:
+    """Return in how many channels of all sets no method is better than ours, and in how many its band is right, by task."""
+    lines = [
+        "| task | channels | best, or within 1 % | 90 % band right, of those that can be judged |",
+        "|---|---|---|---|",
+    ]
+    for task, words in TASKS.items():
+        channels, worse, judged, right = 0, 0, 0, 0
+        for result in results:
+            (ours,) = (entry["pooled"][task] for entry in result["entries"] if entry["method"] == "ours")
+            channels += len(ours)
+            worse += sum(line.startswith(f"ours, {task}, ") for line in result["not_beaten"])
+            ranges = [(one["range_90"], one["coverage_90"]) for one in ours if one["range_90"]]
+            judged += len(ranges)
+            right += sum(low <= share <= high for (low, high), share in ranges)
+        lines.append(f"| {words} | {channels} | {channels - worse} | {right} of {judged} |")
+    return "\n".join(lines)
 
 
 def table(result: dict) -> str:

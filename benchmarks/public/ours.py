@@ -3,14 +3,17 @@
 `fit_ours` takes the campaign as it stands and, of several candidate structures, the one of the largest evidence by Laplace. `fit_chosen`
 takes the structure and the model of the error that predict fitted runs best, each left out in turn.
 
-A whole run is simulated with draws about the mode. A stretch, and one step, are forecast by the measurements so far
-(`seatrial.estimation.prediction.forecast`).
+Beside the mode stand the coefficients that fit the accelerations (`acceleration_baseline`), an estimate of the same terms by another
+method. A whole run is simulated with draws about the mode and with these, each as often as they predict the fitted runs well. A stretch,
+and one step, are forecast with both by the measurements so far (`seatrial.estimation.prediction.forecast`).
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from benchmarks.public.method import Fitted, Predicted, Problem
 from benchmarks.public.tasks import Stretch
@@ -20,15 +23,18 @@ from seatrial.campaign.inference.cross_validation import best_campaign, cross_va
 from seatrial.campaign.inference.posterior import first_sd, initial_state
 from seatrial.campaign.inference.quick_estimates import draw_about_mode
 from seatrial.compiled.random_keys import random_key
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.record import Record
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.posterior import Posterior
-from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
-from seatrial.estimation.prediction.prediction import offsets_at_zero, predict
+from seatrial.estimation.prediction.acceleration_baseline import acceleration_baseline
+from seatrial.estimation.prediction.forecast import SHARPNESS, Forecaster, make_forecaster
+from seatrial.estimation.prediction.prediction import Prediction, offsets_at_zero, predict
 
 RUN_DRAWS = 200
 """Draws that are simulated over a whole run."""
+FITTED_DRAWS = 40
+"""Draws that are simulated over each fitted run."""
 
 
 def fit_ours(problem: Problem) -> Fitted:
@@ -76,7 +82,32 @@ def _fit(problem: Problem, campaign: Campaign) -> "Ours":
         f"{drawn.structure.label} of {len(campaign.structures)} structures: " if len(campaign.structures) > 1 else ""
     )
     draws = offsets_at_zero(dict(zip(drawn.names, drawn.draws().T, strict=True)))
-    return Ours(campaign, posterior, draws, about, about_sd, several + " ".join(drawn.structure.terms))
+    ours = Ours(campaign, posterior, draws, draws, (), about, about_sd, several + " ".join(drawn.structure.terms))
+    try:
+        other = acceleration_baseline(posterior.likelihood.model).fit(
+            problem.records, problem.channels, problem.controls
+        )
+    except (InputError, NumericalError):
+        return ours
+    # Both are judged by what they leave of the fitted runs in free simulation.
+    fitted = [ours.simulated(record, FITTED_DRAWS) for record in problem.records]
+    left = np.concatenate([one.measured - one.mean for one in fitted])
+    ratio = np.sqrt(np.nanmean(left**2, 0)) / other.noise_sd
+    odds = float(np.exp(SHARPNESS * np.mean(np.log(ratio))))
+    return replace(ours, mixed=with_estimate(draws, other.parameters, odds), others=(other.parameters,))
+
+
+def with_estimate(
+    draws: Mapping[str, np.ndarray], other: Mapping[str, float], odds: float
+) -> dict[str, Float[np.ndarray, " n"]]:
+    """Return as many draws of a mixture of a posterior and of another estimate of its coefficients, SI, whose odds to it are given."""
+    count = len(next(iter(draws.values())))
+    own = round(count / (1.0 + odds))
+    first, last = (np.linspace(0, count - 1, size).astype(int) for size in (own, count - own))
+    return {
+        name: np.append(column[first], np.full(last.size, other[name]) if name in other else column[last])
+        for name, column in draws.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +118,8 @@ class Ours:
         campaign: of the set.
         posterior: of the structure that is kept.
         draws: about its mode, by parameter name, SI.
+        mixed: these, and the coefficients that fit the accelerations as often as they predict the fitted runs well.
+        others: these coefficients, if there are any.
         about: values at the mode, SI.
         about_sd: their standard deviations as if the posterior were normal, SI.
         note: which terms.
@@ -95,6 +128,8 @@ class Ours:
     campaign: Campaign
     posterior: Posterior
     draws: Mapping[str, np.ndarray]
+    mixed: Mapping[str, np.ndarray]
+    others: tuple[Mapping[str, float], ...]
     about: Mapping[str, float]
     about_sd: Mapping[str, float]
     note: str
@@ -102,26 +137,36 @@ class Ours:
         default_factory=dict
     )  # By the longest horizon that each is for, samples
 
+    def simulated(self, record: Record, n: int = RUN_DRAWS) -> Prediction:
+        """Predict a whole run."""
+        return predict(self.posterior, self.mixed, record, n=n, **self._known(record), first_sd=self._first_sd)
+
     def predict(self, record: Record, stretches: Sequence[Stretch]) -> Predicted:
         """See `Fitted`."""
-        campaign, model = self.campaign, self.posterior.likelihood.model
-        known_by = {state: first_sd(campaign.noise, state) for state in model.states}
-        key, start = random_key(campaign.seed, f"benchmark {record.label}"), initial_state(campaign, model, record)
         if len(stretches) == 1:
-            whole = predict(self.posterior, self.draws, record, start=start, first_sd=known_by, n=RUN_DRAWS, key=key)
+            whole = self.simulated(record)
             return Predicted(whole.mean, whole.sd)
         steps = max(end - begin for begin, end in stretches)
         # Stretches of one horizon differ by some samples.
         if steps > 1.5 * max(self._forecasters, default=0):
             horizon = steps * float(np.median(record.step))
-            self._forecasters[steps] = make_forecaster(self.posterior, self.draws, horizon, known_by)
+            self._forecasters[steps] = make_forecaster(self.posterior, self.draws, horizon, self._first_sd, self.others)
         ahead = self._forecasters[max(self._forecasters)].forecast(
-            record, [begin for begin, _ in stretches], steps, start=start, key=key
+            record, [begin for begin, _ in stretches], steps, **self._known(record)
         )
-        mean = np.full((record.time.size, len(campaign.channels)), np.nan)
+        mean = np.full((record.time.size, len(self.campaign.channels)), np.nan)
         sd = mean.copy()
         for place, (begin, end) in enumerate(stretches):
             mean[begin + 1 : end + 1], sd[begin + 1 : end + 1] = (
                 one[place, : end - begin] for one in (ahead.mean, ahead.sd)
             )
         return Predicted(mean, sd)
+
+    @property
+    def _first_sd(self) -> dict[str, float]:
+        return {state: first_sd(self.campaign.noise, state) for state in self.posterior.likelihood.model.states}
+
+    def _known(self, record: Record) -> dict[str, Any]:
+        """Return start and random key of a run."""
+        start = initial_state(self.campaign, self.posterior.likelihood.model, record)
+        return {"start": start, "key": random_key(self.campaign.seed, f"benchmark {record.label}")}

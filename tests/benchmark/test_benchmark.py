@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.public.methods import METHODS, choose
+from benchmarks.public.ours import with_estimate
 from benchmarks.public.run import run_set
 from benchmarks.public.set_file import check_file, read_set, set_names
 from benchmarks.public.simulated import simulate
@@ -244,3 +245,11 @@ def test_a_method_sees_no_measurement_after_the_start_of_a_stretch(tmp_path):
     changed[[k for k in range(len(changed)) if k not in begins]] += 1.0
     one, two = (fitted.predict(each, pieces) for each in (record, replace(record, measurement=changed)))
     np.testing.assert_array_equal(one.mean, two.mean)
+
+
+def test_a_mixture_has_another_estimate_as_often_as_it_weighs():
+    draws = {"X_u": np.linspace(-1.0, 0.0, 300), "sigma_u": np.linspace(1.0, 2.0, 300)}
+    mixed = with_estimate(draws, {"X_u": 5.0, "N_r": 1.0}, 1 / 3)
+    assert {name: column.size for name, column in mixed.items()} == {"X_u": 300, "sigma_u": 300}
+    assert (mixed["X_u"] == 5.0).mean() == 0.25
+    assert mixed["sigma_u"].mean() == pytest.approx(1.5, rel=1e-2)

@@ -90,6 +90,21 @@ def test_what_was_forecast_better_before_has_the_weight(surge):
     assert (both.sd[0] > 5 * right.sd[0]).all()
 
 
+def test_another_estimate_that_forecast_better_before_has_the_weight(surge):
+    """Draws of half the gain lose it to the right coefficients, which are not among them."""
+    record, _, _, posterior = surge
+    right = {"X_u": DRAG, "X_tau_X": GAIN}
+    draws, wrong = (
+        {"X_u": np.full(2, DRAG), "X_tau_X": np.full(2, gain), "sigma_u": np.full(2, 0.02)} for gain in (GAIN, 0.1)
+    )
+    both, alone, expected = (
+        Forecaster(posterior, table, (ERRORS,), {"u": FIRST_SD}, others).forecast(record, [40], 5, start={"u": 0.0})
+        for table, others in ((wrong, (right,)), (wrong, ()), (draws, ()))
+    )
+    off, without = (np.abs(one.mean - expected.mean).max() for one in (both, alone))
+    assert off < 0.1 * without
+
+
 def test_errors_are_found_by_which_held_values_are_beaten(surge):
     record, _, _, posterior = surge
     draws = {"X_u": np.full(2, DRAG), "X_tau_X": np.full(2, GAIN), "sigma_u": np.full(2, 0.02)}

@@ -6,13 +6,14 @@ A Kalman filter follows the record. Beside the states x of the vehicle it estima
     x(t + h) = f(x^, d^ e^(-h / tau_d)),   y(t + h) = h(x) + b^ e^(-h / tau_b),   var y = H P(t + h) H' + sigma^2
 
 One sample ahead, the errors of a forecast are the innovations. The filter is linear about the measured motion. Where the posterior has no
-such force, sizes and memories of force and sensor errors are those by which the fitted records are forecast best.
+such force, sizes and memories of force and sensor errors are those by which the fitted records are forecast best. Several sets of these,
+and several estimates of the coefficients, are weighed by the scores of what they forecast of the same record before.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +29,7 @@ from seatrial.estimation.posterior.filter_error import FilterError, process_name
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, as_key
 from seatrial.estimation.prediction.linear_filter import (
+    Belief,
     acting_control,
     errors_over,
     follow,
@@ -41,6 +43,7 @@ from seatrial.estimation.prediction.linear_filter import (
     without_memory,
 )
 from seatrial.estimation.prediction.prediction import posterior_of_record
+from seatrial.estimation.prediction.prediction_scores import crps_normal
 from seatrial.estimation.simulation.disturbance import (
     disturbance_name,
     disturbance_time_name,
@@ -59,13 +62,15 @@ MIN_NOISE, MAX_NOISE, MIN_PUSH, MAX_PUSH = 1e-5, 1.0, 1e-4, 10.0
 BEGIN_SHARE, FEW_SHARE = 0.05, 1e-3
 # Samples of all records, from their beginnings, by which sizes are found, and of each at least.
 MAX_SAMPLES, MIN_SAMPLES = 1600, 300
-MAX_ITERATIONS, DIFFERENCE = 40, 1e-4  # Steps of that search, and change of a logarithm from which slopes follow
-MAX_DRAWS = 40
-# Sets for runs in which the model is wrong by more: sensor errors over the size of the motion, forces over those found, and memory over the
-# horizon; and their log weight before anything was forecast.
-WIDE_ERROR, WIDE_FORCE, LONG, RARE = 0.2, 10.0, 5.0, -10.0
+MAX_ITERATIONS, DIFFERENCE = 30, 1e-4  # Steps of that search, and change of a logarithm from which slopes follow
+MAX_DRAWS = 20
+# The set for runs in which the model is wrong by more: sensor errors over the size of the motion, forces over those found, and memory over
+# the horizon.
+WIDE_ERROR, WIDE_FORCE, LONG = 0.2, 0.1, 5.0
+# Power of the inverse of scores by which forecasts are weighed: of 2, 4, 8 and 16 the one that forecast fitted runs of two ships best.
+SHARPNESS = 8.0
+FITTED_SETS = 2  # Sets that are not wide
 PAST = 6  # Forecasts before the first that is asked for, by which sets are weighed
-NO_DENSITY = -1e6  # Log density of what a forecast that is not finite gave
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +99,6 @@ class Forecast:
         return np.where((rows < len(columns))[..., None], columns[np.minimum(rows, len(columns) - 1)], np.nan)
 
 
-class _Drawn(NamedTuple):
-    """One record under every draw: the simulator without memory, values, data, controls as they act, and first states."""
-
-    simulator: Simulator
-    values: Mapping[str, np.ndarray]
-    data: TrialData
-    control: tuple[np.ndarray, ...]
-    starts: Float[np.ndarray, "draws states"]
-
-
 @dataclass(frozen=True, eq=False)
 class Forecaster:
     """A fitted vehicle, and the errors that remain.
@@ -112,13 +107,14 @@ class Forecaster:
         posterior: of the fitted records.
         draws: of the posterior, by parameter name, SI.
         errors: sets of sizes and memories of the force on each axis and of the errors of each sensor, SI, by parameter name.
-        first_sd: see `make_forecaster`.
+        first_sd, others: see `make_forecaster`.
     """
 
     posterior: Posterior
     draws: Mapping[str, Float[np.ndarray, " draws"]]
     errors: tuple[Mapping[str, float], ...]
     first_sd: Mapping[str, float]
+    others: tuple[Mapping[str, float], ...] = ()
 
     def forecast(
         self,
@@ -142,49 +138,40 @@ class Forecaster:
         """
         alone, values = posterior_of_record(self.posterior, self.draws, record, start, self.first_sd, n, as_key(key))
         output, data, begins = alone.likelihood.output, alone.data, np.asarray(begins)
-        simulator, count = without_memory(output.simulator), len(next(iter(values.values())))
+        drawn = len(next(iter(values.values())))
+        values = {
+            name: np.append(column, np.array([other.get(name, np.mean(column)) for other in self.others]))
+            for name, column in values.items()
+        }
+        estimates = [slice(drawn), *(slice(k, k + 1) for k in range(drawn, drawn + len(self.others)))]
+        simulator, count = without_memory(output.simulator), drawn + len(self.others)
         values |= {name: np.asarray(column)[:, 0] for name, column in jax.vmap(output.apart)(values).items()}
         first = jax.vmap(lambda one: jnp.broadcast_to(output.starts(one, data)[0], data.initial[0].shape))(values)
-        data = jax.tree.map(lambda x: np.repeat(np.asarray(x), count, 0), data)
-        drawn = _Drawn(simulator, values, data, acting_control(output.simulator, values, data), np.asarray(first))
+        data, starts = jax.tree.map(lambda x: np.repeat(np.asarray(x), count, 0), data), np.asarray(first)
+        control = acting_control(output.simulator, values, data)
         # Forecasts that had ended before weigh the sets.
-        past = begins.min() - steps * np.arange(1, (PAST if len(self.errors) > 1 else 0) + 1)
+        past = begins.min() - steps * np.arange(1, (PAST if len(self.errors) * len(estimates) > 1 else 0) + 1)
         every, place = np.unique(np.concatenate([begins, past[past >= 0]]), return_inverse=True)
-        each = [self._by(drawn, errors, record, every, steps) for errors in self.errors]
-        mean, sd = _weighed(each, steps)
-        own = place[: len(begins)]
-        return Forecast(record, output.channels, begins, mean[own], sd[own])
-
-    def _by(
-        self, drawn: "_Drawn", errors: Mapping[str, float], record: Record, begins: Int[np.ndarray, " k"], steps: int
-    ) -> Forecast:
-        """Forecast with one set of sizes and memories."""
-        simulator, values, data, control, starts = drawn
-        rows = {name: np.array([value]) for name, value in errors.items()}
+        rows = {name: np.array([one[name] for one in self.errors]) for name in self.errors[0]}
         motion = linear_motion(simulator, values, data, control, starts, rows, self.initial_sd)
         over = errors_over(simulator, rows, data.step[:1].T)
-        track = follow(motion, over, shown_by(data), starts, self.initial_sd, begins)
+        track = follow(motion, over, shown_by(data), starts, self.initial_sd, every)
         # Past the end no time passes.
-        at = begins[:, None] + np.arange(bucket_length(steps) + 1)
+        at = every[:, None] + np.arange(bucket_length(steps) + 1)
         inside, at = at < record.time.size, np.minimum(at, data.step.shape[1] - 1)
         ahead, held = np.where(inside, data.step[0][at], 0.0), tuple(column[:, at] for column in control)
-        lanes = bucket_length(len(begins))
-
-        def padded(x: np.ndarray, axis: int) -> np.ndarray:
-            return np.moveaxis(filled(np.moveaxis(x, axis, 0), lanes), 0, axis)
-
-        begun, driven = padded(track.mean[:, :, 0].swapaxes(0, 1), 1), tuple(padded(column, 1) for column in held)
-        path, shown = map(np.asarray, _pieces(simulator)(values, dict(errors), begun, driven, padded(ahead, 0)))
-        path, shown = path[:, : len(begins)], shown[:, : len(begins), 1 : steps + 1]
-        # The spread of the filter is that of the mean of the draws; they differ in it by less than it is known.
-        middle = {name: np.repeat(column.mean(), len(begins)) for name, column in values.items()}
-        local = linear(simulator, middle, path.mean(0), tuple(column.mean(0) for column in held), ahead)
-        variance = variances(local, simulator, rows, ahead, track.cov.mean(1), steps)
-        beyond = ~inside[:, 1 : steps + 1, None]
-        with np.errstate(over="ignore", invalid="ignore"):
-            mean, sd = shown.mean(0), np.sqrt(variance + shown.var(0))
-        channels = tuple(sensor.channel for sensor in simulator.sensors)
-        return Forecast(record, channels, begins, np.where(beyond, np.nan, mean), np.where(beyond, np.nan, sd))
+        begun = [Belief(track.mean[:, :, i], track.cov[:, :, i]) for i in range(len(self.errors))]
+        each = [
+            one
+            for errors, belief in zip(self.errors, begun, strict=True)
+            for one in _ahead(simulator, values, estimates, errors, held, ahead, belief, steps)
+        ]
+        is_beyond = ~inside[:, 1 : steps + 1, None]
+        means, sds = (np.where(is_beyond, np.nan, np.stack(one)) for one in zip(*each, strict=True))
+        channels, own = tuple(sensor.channel for sensor in simulator.sensors), place[: len(begins)]
+        ended = Forecast(record, channels, every, means[0], sds[0])
+        mean, sd = _weighed(ended, means, sds, is_beyond, len(self.errors))
+        return Forecast(record, channels, begins, mean[own], sd[own])
 
     @property
     def initial_sd(self) -> Float[np.ndarray, " states"]:
@@ -197,6 +184,7 @@ def make_forecaster(
     draws: Draws | Mapping[str, Float[np.ndarray, " draws"]],
     horizon: float,
     first_sd: Mapping[str, float] | None = None,
+    others: Sequence[Mapping[str, float]] = (),
 ) -> Forecaster:
     """Return what forecasts records by draws of a posterior of `make_posterior`.
 
@@ -205,6 +193,7 @@ def make_forecaster(
         draws: of it; or those of each parameter by name, SI.
         horizon: how far ahead forecasts are to be good, s.
         first_sd: how well each state is known at the start of a record, SI; where not given, as `UNSEEN_SD`.
+        others: other estimates of the coefficients, SI, by name: their forecasts are weighed beside those of the draws.
     """
     table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))
     values = dict.fromkeys(posterior.names, 0.0) | {name: float(np.mean(column)) for name, column in table.items()}
@@ -220,9 +209,9 @@ def make_forecaster(
             known |= {sd(one): values.get(sd(one), 0.0) for one in pairs} | {
                 time(one): values.get(time(one), 1.0) for one in pairs
             }
-        return Forecaster(posterior, table, (known,), first_sd)
+        return Forecaster(posterior, table, (known,), first_sd, tuple(others))
     fitted = fit_errors(likelihood, values, posterior.data, horizon, initial_sd_of(likelihood, first_sd))
-    return Forecaster(posterior, table, tuple(known | one for one in fitted), first_sd)
+    return Forecaster(posterior, table, tuple(known | one for one in fitted), first_sd, tuple(others))
 
 
 def fit_errors(
@@ -234,8 +223,8 @@ def fit_errors(
 ) -> list[dict[str, float]]:
     """Return size and memory of forces and of sensors' errors by which the fitted records are forecast with the highest density.
 
-    Two sets come from two searches, the better one first. Two more are for a run in which the model is wrong by much more than in the
-    fitted ones: sensor errors, or forces, that are larger and last longer.
+    Two sets come from two searches, the better one first. One more is for a run in which the model is wrong by much more than in the
+    fitted ones: sensor errors that are larger and last longer.
 
     Half of that is the likelihood, which is that of one sample ahead; half is that of all leads up to the horizon, as they lie on a
     logarithmic axis. Of a force that is not quite of the kind assumed, the likelihood alone finds a memory that is far off over many
@@ -290,7 +279,8 @@ def fit_errors(
     )
     samples = data.step.shape[1]
     steps = max(1, min(round(horizon / interval), samples // 4))
-    begins, measured = np.arange(0, samples - 1, max(1, steps // 2)), shown_by(data)
+    begins = np.append(np.arange(0, samples - 1, max(1, steps // 2)), samples - 1)
+    measured = shown_by(data)
     weights = 1.0 / np.arange(1, steps + 1)
 
     def cost(z: Float[np.ndarray, "rows d"]) -> Float[np.ndarray, " rows"]:
@@ -313,7 +303,7 @@ def fit_errors(
         return float(moved[0]), (moved[1:] - moved[0]) / DIFFERENCE
 
     bounds = list(zip(np.log(least), np.log(most) - DIFFERENCE, strict=True))
-    options = {"maxiter": MAX_ITERATIONS, "ftol": 1e-6}
+    options = {"maxiter": MAX_ITERATIONS, "ftol": 1e-5}
     # Errors of sensors and forces may stand for each other: the search begins once at little of the ones, once at little of the others.
     ends = []
     for few in (drift_name(""), disturbance_name("")):
@@ -324,33 +314,82 @@ def fit_errors(
         )
     ends.sort(key=lambda one: one.fun)
     result = [dict(zip(search, map(float, scale * np.exp(one.x)), strict=True)) for one in ends]
-    wide_errors, wide_force = dict(result[0]), dict(result[0])
+    wide = dict(result[0])
     for channel in output.channels:
-        wide_errors[drift_name(channel)] = max(WIDE_ERROR * sizes[channel], result[0][drift_name(channel)])
-        wide_errors[drift_time_name(channel)] = max(LONG * horizon, result[0][drift_time_name(channel)])
+        wide[drift_name(channel)] = max(WIDE_ERROR * sizes[channel], wide[drift_name(channel)])
+        wide[drift_time_name(channel)] = max(LONG * horizon, wide[drift_time_name(channel)])
     for axis in axes:
-        wide_errors[disturbance_name(axis)] /= WIDE_FORCE
-        wide_force[disturbance_name(axis)] *= WIDE_FORCE
-        wide_force[disturbance_time_name(axis)] = max(LONG * horizon, result[0][disturbance_time_name(axis)])
-    return [*result, wide_errors, wide_force]
+        wide[disturbance_name(axis)] *= WIDE_FORCE
+    return [*result, wide]
 
 
-def _weighed(each: Sequence[Forecast], steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and standard deviation of several forecasts, weighed by the densities that they gave to what had been measured."""
-    begins, measured = each[0].begins, each[0].measured
-    means, sds = (np.stack([getattr(one, name) for one in each]) for name in ("mean", "sd"))
-    beyond = (begins[:, None] + np.arange(1, steps + 1) >= each[0].record.time.size)[..., None]
-    fit = (np.isfinite(means) & np.isfinite(sds)) | beyond
-    leads = 1.0 / np.arange(1, steps + 1)[:, None]
+def _ahead(
+    simulator: Simulator,
+    values: Mapping[str, np.ndarray],
+    estimates: Sequence[slice],
+    errors: Mapping[str, float],
+    held: tuple[Float[np.ndarray, "draws k h"], ...],
+    ahead: Float[np.ndarray, "k h"],
+    begun: Belief,
+    steps: int,
+) -> list[tuple[Float[np.ndarray, "k steps m"], Float[np.ndarray, "k steps m"]]]:
+    """Return mean and standard deviation of every measurement ahead by each estimate, with one set of sizes and memories.
+
+    Args:
+        simulator: vehicle and sensors.
+        values: of each draw, all estimates one after the other.
+        estimates: places of each among these.
+        errors: the set.
+        held: controls.
+        ahead: steps, s.
+        begun: what the filter knows where forecasts begin, shapes (k, draws, z) and (k, draws, z, z).
+        steps: how many are asked for.
+    """
+    count, lanes = len(ahead), bucket_length(len(ahead))
+
+    def padded(x: np.ndarray, axis: int) -> np.ndarray:
+        return np.moveaxis(filled(np.moveaxis(x, axis, 0), lanes), 0, axis)
+
+    first, driven = padded(begun.mean.swapaxes(0, 1), 1), tuple(padded(column, 1) for column in held)
+    path, shown = map(np.asarray, _pieces(simulator)(values, dict(errors), first, driven, padded(ahead, 0)))
+    path, shown = path[:, :count], shown[:, :count, 1 : steps + 1]
+    rows, result = {name: np.array([value]) for name, value in errors.items()}, []
+    for estimate in estimates:
+        # The spread of the filter is that of the mean of the draws; they differ in it by less than it is known.
+        middle = {name: np.repeat(column[estimate].mean(), count) for name, column in values.items()}
+        local = linear(
+            simulator, middle, path[estimate].mean(0), tuple(column[estimate].mean(0) for column in held), ahead
+        )
+        variance = variances(local, simulator, rows, ahead, begun.cov[:, estimate].mean(1)[:, None], steps)
+        with np.errstate(over="ignore", invalid="ignore"):
+            result.append((shown[estimate].mean(0), np.sqrt(variance + shown[estimate].var(0))))
+    return result
+
+
+def _weighed(
+    ended: Forecast,
+    means: Float[np.ndarray, "members k h m"],
+    sds: Float[np.ndarray, "members k h m"],
+    is_beyond: Float[np.ndarray, "k h 1"],
+    sets: int,
+) -> tuple[Float[np.ndarray, "k h m"], Float[np.ndarray, "k h m"]]:
+    """Return mean and standard deviation over sets and estimates, weighed by the scores of those that had ended before, by channel."""
+    begins, steps = ended.begins, means.shape[2]
+    is_fit = (np.isfinite(means) & np.isfinite(sds)) | is_beyond
+    is_lost = ~np.all(is_fit, axis=2, keepdims=True)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        scores = leads * (-0.5 * ((measured - means) / sds) ** 2 - np.log(sds))
-    scores = np.where(np.isfinite(measured) & fit, scores, np.where(fit, 0.0, NO_DENSITY)).sum(2)
-    total = np.concatenate([np.zeros((len(each), 1, scores.shape[2])), np.cumsum(scores, 1)], 1)
+        scores = np.where(is_lost, np.inf, crps_normal(ended.measured, means, sds))
+    scores = np.where(np.isfinite(ended.measured), scores, 0.0).sum(2)
+    total = np.concatenate([np.zeros_like(scores[:, :1]), np.cumsum(scores, 1)], 1)
     known = total[:, np.searchsorted(begins, begins - steps, side="right")]
-    known = known + np.where(np.arange(len(each)) < 2, 0.0, RARE)[:, None, None] + np.where(fit.all(2), 0.0, NO_DENSITY)
-    weight = np.exp(known - known.max(0))[:, :, None]
-    weight = weight / weight.sum(0)
-    means, sds = np.where(fit, means, 0.0), np.where(fit, sds, 0.0)
+    least = known.min(0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Scores and not densities: by these, one forecast that is far off decides for the widest band until the end of a record.
+        is_wide = np.arange(len(means))[:, None, None] * sets >= FITTED_SETS * len(means)
+        weight = np.where(least > 0, (least / known) ** SHARPNESS, ~is_wide)
+        weight = np.where(is_lost[:, :, 0], 0.0, weight)[:, :, None]
+        weight = weight / weight.sum(0)
+    means, sds = np.where(is_lost, 0.0, means), np.where(is_lost, 0.0, sds)
     mean = (weight * means).sum(0)
     return mean, np.sqrt((weight * (sds**2 + (means - mean) ** 2)).sum(0))
 

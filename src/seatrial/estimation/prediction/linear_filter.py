@@ -236,7 +236,7 @@ def follow(
     initial_sd: Float[np.ndarray, " n"],
     begins: Int[np.ndarray, " k"],
 ) -> Belief:
-    """Return the belief after the measurements of some samples, shapes (k, trials, rows, z), and the log density of all, (trials, rows).
+    """Return the belief after some samples, shapes (k, trials, rows, z), and the log density of all up to the last, (trials, rows).
 
     Channels are taken in one after the other, as their white noises are independent.
 
@@ -255,8 +255,7 @@ def follow(
     spread = np.concatenate([np.broadcast_to(initial_sd, (rows, n)), errors.spread], -1)
     belief = Belief(mean, np.broadcast_to(np.eye(z) * spread[:, None] ** 2, (trials, rows, z, z)).copy())
     density, kept, wanted = np.zeros((trials, rows)), {}, set(np.asarray(begins).tolist())
-    last = max(wanted) if len(wanted) < len(measured) and rows == 1 else len(measured) - 1
-    for k in range(last + 1):
+    for k in range(max(wanted) + 1):
         here = motion.at(k)
         if k:
             belief = predicted(belief, motion.at(k - 1), errors.at(k - 1))
