@@ -1,6 +1,6 @@
-"""Every figure of the study: how it is drawn, the items it stands under, what it is, and how to read it."""
+"""Every figure of the study: how it is drawn, what it is, and how to read it."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from seatrial.report.numbers import plain
@@ -21,8 +21,6 @@ from studies.remus100.reading import RPM
 from studies.remus100.study import Study
 from studies.remus100.trial import DURATION
 from studies.remus100.trial import PERIOD as DOUBLET
-from studies.remus100.tuning import draw_tuning
-from studies.remus100.vehicle import CHANGE, draw_vehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,33 +30,14 @@ class PaperFigure(NamedTuple):
     """One figure of the study.
 
     Attributes:
-        draw: draws it from the parts that its items rest on.
-        items: keys of the items it belongs to; it stands under the first of them that was judged.
+        draw: draws it from the parts that its item rests on.
         title: what it is, for those who cannot see it.
         caption: what it shows and how to read it, in plain text.
     """
 
     draw: "Callable[[Study], Figure]"
-    items: tuple[str, ...]
     title: str
     caption: Callable[[Study], str]
-
-
-def chosen_figures(judged: Iterable[str]) -> dict[str, str]:
-    """Keys of the figures to draw, each with the item it stands under."""
-    keys = set(judged)
-    places = {key: [item for item in figure.items if item in keys] for key, figure in FIGURES.items()}
-    return {key: items[0] for key, items in places.items() if items}
-
-
-def _vehicle(study: Study) -> str:
-    seconds = plain(float(study.part("vehicle")["time"][-1]), 2)
-    return (
-        f"The published REMUS 100 in level flight, {seconds} s after n rose by {plain(CHANGE / RPM)} rpm with its planes "
-        "held: every state of the non-linear longitudinal model and of its linearisation about trim, and the speed of the "
-        "surge model. Where lines lie on one another the simpler model says the same. Last panel: the poles of the linear "
-        "model; motions of those right of the line grow without control."
-    )
 
 
 def _figure_1(study: Study) -> str:
@@ -76,16 +55,6 @@ def _figure_2(study: Study) -> str:
         f"dotted bounds, {100 * BOUND_SHARE:g}% to either side of the true values. Lowest row: sigma points clipped at each "
         f"step, mean over {study.sizes.filter_seeds} trials, and the acceleration during the first second of the trial above. "
         "A constrained filter starts sure of itself: its standard deviations begin where the bounds put them."
-    )
-
-
-def _tuning(study: Study) -> str:
-    return (
-        f"The SRUKF over {study.sizes.tuning_seeds} trials of random steps, with P, Q and R as printed and with one of them "
-        "made larger. Upper row: what the estimates miss at the end, and what the filter says they miss; a filter that is "
-        "tuned has the two alike. Lower left: the way that the estimates travel in all, large where they are erratic. Lower "
-        "right: distance of the filter's u from the measurements (residual) and from the truth (error); a residual that "
-        "falls while the error grows is noise being followed."
     )
 
 
@@ -155,23 +124,17 @@ def _iteration(study: Study) -> str:
     )
 
 
-# In the order of the paper.
+# By the key of the item it stands under, in the order of the paper.
 FIGURES: dict[str, PaperFigure] = {
-    "vehicle": PaperFigure(draw_vehicle, ("vehicle",), "The longitudinal vehicle after a step of n", _vehicle),
-    "figure-1": PaperFigure(draw_figure_1, ("figure-1",), "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
-    "figure-2": PaperFigure(draw_figure_2, ("figure-2",), "Responses and estimates of SRUKF and SRUKF-C", _figure_2),
-    "tuning": PaperFigure(
-        draw_tuning, ("claim-large-p", "claim-large-q", "claim-large-r"), "What too large a P, Q or R does", _tuning
-    ),
-    "figure-3": PaperFigure(draw_figure_3, ("figure-3",), "Entropy reduction over amplitude and period", _figure_3),
-    "figure-4": PaperFigure(draw_figure_4, ("figure-4",), "The square-root filter along the chosen doublet", _figure_4),
-    "relay": PaperFigure(draw_relay, ("relay",), "The self-oscillating test beside the doublet", _relay),
-    "figure-6": PaperFigure(chain_figure("chain-3"), ("figure-6",), "The chain of Table III", _chain),
-    "listing-1": PaperFigure(
-        draw_listing_1, ("listing-1",), "Listing 1 over seeds, beside four other methods", _listing_1
-    ),
-    "odds": PaperFigure(draw_odds, ("odds",), "Probability of M-0 over the true doubted coefficient", _odds),
-    "figure-7": PaperFigure(chain_figure("chain-6-full"), ("figure-7",), "The chain of M-0", _chain),
-    "figure-8": PaperFigure(chain_figure("chain-6-reduced"), ("figure-8",), "The chain of M-1", _chain),
-    "iteration": PaperFigure(draw_iteration, ("iteration",), "Second trials, predicted and run", _iteration),
+    "figure-1": PaperFigure(draw_figure_1, "Responses and estimates of EKF, UKF and SRUKF", _figure_1),
+    "figure-2": PaperFigure(draw_figure_2, "Responses and estimates of SRUKF and SRUKF-C", _figure_2),
+    "figure-3": PaperFigure(draw_figure_3, "Entropy reduction over amplitude and period", _figure_3),
+    "figure-4": PaperFigure(draw_figure_4, "The square-root filter along the chosen doublet", _figure_4),
+    "relay": PaperFigure(draw_relay, "The self-oscillating test beside the doublet", _relay),
+    "figure-6": PaperFigure(chain_figure("chain-3"), "The chain of Table III", _chain),
+    "listing-1": PaperFigure(draw_listing_1, "Listing 1 over seeds, beside four other methods", _listing_1),
+    "odds": PaperFigure(draw_odds, "Probability of M-0 over the true doubted coefficient", _odds),
+    "figure-7": PaperFigure(chain_figure("chain-6-full"), "The chain of M-0", _chain),
+    "figure-8": PaperFigure(chain_figure("chain-6-reduced"), "The chain of M-1", _chain),
+    "iteration": PaperFigure(draw_iteration, "Second trials, predicted and run", _iteration),
 }

@@ -19,7 +19,7 @@ from seatrial.report.labels import name_html, sentence_html
 from seatrial.report.numbers import plain, rounded, times_ten, typeset
 from studies.remus100.designs import ACTIVE as WINDOWS
 from studies.remus100.designs import INITIAL_VARIANCE as DESIGN_VARIANCE
-from studies.remus100.figures import FIGURES, chosen_figures
+from studies.remus100.figures import FIGURES
 from studies.remus100.filters import BOUND_SHARE, HOLD, INITIAL_VARIANCE, N_STEPS, STEP
 from studies.remus100.panels import COLUMN, printed_unit
 from studies.remus100.reading import NAMES, RPM, Reading
@@ -41,8 +41,8 @@ LOOKS: dict[Verdict, str] = {
 UNITS = {"s": "s", "rpm": "rpm"}  # Units at the end of a setting's name
 DIGITS, PRINTED_DIGITS = 4, 6
 MAX_TABLE_ROWS = 12  # Rows from which a table of numbers is set in two
-# Figures by the item they stand under, each with its width: `wide` or `column`.
-Drawn: TypeAlias = dict[str, list[tuple[Drawing, str]]]
+# The figure of an item, with its width: `wide` or `column`.
+Drawn: TypeAlias = dict[str, tuple[Drawing, str]]
 # Anchor and title of each section, by the first item that can stand in it.
 SECTIONS = {
     "equations-2": ("ii", "II. Vehicle model"),
@@ -186,7 +186,7 @@ def _value(value: Any) -> str:
 
 def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
     sizes, possible = study.sizes, len(ENTRIES)
-    cards = [card(item, study.reading) | {"drawings": drawings.get(item.key, [])} for item in items]
+    cards = [card(item, study.reading) | {"drawing": drawings.get(item.key)} for item in items]
     sections = {anchor: [one for one in cards if _section(one["key"]) == anchor] for anchor, _ in SECTIONS.values()}
     titles = {anchor: title for anchor, title in SECTIONS.values() if sections[anchor]}
     counted = Counter(item.verdict for item in items)
@@ -216,17 +216,17 @@ def _render(study: Study, items: Sequence[Item], drawings: Drawn) -> str:
             ],
             "sizes": [{"words": words, "here": here[name], "full": full[name]} for name, words in SIZES.items()],
             "unprinted": settings_rows(study.reading),
-            "figures": [f"figures/{key}" for key in chosen_figures(item.key for item in items)],
+            "figures": [f"figures/{key}" for key in drawings],
             "numbers": FILE_NAME,
         },
     )
 
 
 def _draw_figures(study: Study, items: Sequence[Item]) -> Drawn:
-    """Write every figure whose item was judged, and return its inline form by that item's key."""
+    """Write the figure of every item that has one, and return its inline form by the item's key."""
     drawings: Drawn = {}
     labels = labels_of(study.reading)
-    for key, item in chosen_figures(one.key for one in items).items():
+    for key in [one.key for one in items if one.key in FIGURES]:
         figure = FIGURES[key]
         with own_settings():
             drawn = figure.draw(study)
@@ -238,7 +238,7 @@ def _draw_figures(study: Study, items: Sequence[Item]) -> Drawn:
         caption = name_html(typeset(figure.caption(study)), labels)
         inline = inlined(svg, f"drawn-{key}", figure.title, caption.striptags())
         kind = "column" if drawn.get_figwidth() <= COLUMN * POINT else "wide"
-        drawings.setdefault(item, []).append((Drawing(inline, caption), kind))
+        drawings[key] = Drawing(inline, caption), kind
     return drawings
 
 

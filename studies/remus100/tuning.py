@@ -1,7 +1,6 @@
 """Section III, the remarks on P, Q and R: the square-root UKF with each of them made too large, and R from the data."""
 
 import json
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -12,8 +11,6 @@ from seatrial.filters.square_root import SquareRootUnscentedKalmanFilter
 from seatrial.filters.tuning import check_tuning
 from seatrial.messages.render import sentence
 from seatrial.numerics.gaussian import Gaussian
-from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE
-from seatrial.report.numbers import typeset
 from studies.remus100.filters import (
     FIRST_SEED,
     N_STEPS,
@@ -23,22 +20,14 @@ from studies.remus100.filters import (
     make_trials,
     run_over_seeds,
 )
-from studies.remus100.panels import PAGE, key, logarithmic, name_axes, panels, symbol
 from studies.remus100.reading import NAMES
 from studies.remus100.study import Item, Number, Study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 CHANGES = {"as printed": {}, "P x 1e4": {"p": 1e4}, "Q x 1e4": {"q": 1e4}, "R x 100": {"r": 100.0}}
-COLOURS, MARKERS = (BLUE, ORANGE, PURPLE), ("o", "s", "^")
-RESIDUAL = {"color": MUTED, "marker": "D", "markersize": 4, "linewidth": 0.8}
-STATE = {"color": INK, "marker": "o", "markersize": 4, "linewidth": 0.8}
 
 
 def tuning_part(study: Study) -> xr.Dataset:
-    """Return the errors, stated standard deviations, how the state is followed, how far the estimates travel, and what the check says."""
+    """Return the errors, stated standard deviations, how the data are followed, how far estimates travel, and what the check says."""
     reading, seeds = study.reading, study.sizes.tuning_seeds
     trials, truth = make_trials(reading, seeds), np.array([reading.printed_truth[name] for name in NAMES])
     report, rows, findings = study.progress("tuning of P, Q and R"), [], {}
@@ -56,7 +45,6 @@ def tuning_part(study: Study) -> xr.Dataset:
                     "error_at_3_s": (("seed", "coefficient"), means[:, 299] - truth),
                     "travelled": (("seed", "coefficient"), np.abs(np.diff(means, axis=1)).sum(1)),
                     "residual": ("seed", np.sqrt(np.mean((u - trials.measured[..., 0]) ** 2, 1))),
-                    "state_error": ("seed", np.sqrt(np.mean((u - trials.true[..., 0]) ** 2, 1))),
                 }
             )
         )
@@ -118,32 +106,6 @@ def claim_noise(study: Study) -> Item:
     )
 
 
-def draw_tuning(study: Study) -> "Figure":
-    """Draw four panels over the four tunings; numbers of coefficients are shares of their true values."""
-    data = study.part("tuning")
-    figure, grid = panels(PAGE, [92, 92], 2, left=52, between=62, bottom=22)
-    truth = np.array([study.reading.printed_truth[str(name)] for name in data["coefficient"].values])
-    size = xr.DataArray(np.abs(truth), {"coefficient": data["coefficient"]})
-    shown = {
-        (0, 0): ("rms error at the\nend / true", np.sqrt((data["error"] ** 2).mean("seed")) / size),
-        (0, 1): ("stated sd at the\nend / true", data["sd"].mean("seed") / size),
-        (1, 0): ("distance travelled\n/ true", data["travelled"].mean("seed") / size),
-    }
-    for place, (label, values) in shown.items():
-        _by_coefficient(grid[place], values)
-        name_axes(grid[place], y=label)
-    _state(grid[1, 1], data)
-    for axes in grid[1]:
-        axes.set_xticks(range(data.sizes["change"]), [typeset(str(name)) for name in data["change"].values])
-        axes.set_xlim(-0.4, data.sizes["change"] - 0.6)
-    entries = {
-        symbol(str(name)): {"color": colour, "marker": marker, "markersize": 4, "linewidth": 0.8}
-        for name, colour, marker in zip(data["coefficient"].values, COLOURS, MARKERS, strict=False)
-    }
-    key(figure, entries | {"residual of $u$": RESIDUAL, "error of $u$": STATE})
-    return figure
-
-
 def _one(trace: FilterTrace) -> FilterTrace:
     """Return the first of a batch of traces."""
     final = Gaussian(*(np.asarray(part)[0] for part in trace.final))
@@ -181,19 +143,3 @@ def _item(study: Study, key: str, title: str, holds: bool, pairs: dict[str, tupl
             "the tuning check says": findings,
         },
     )
-
-
-def _by_coefficient(axes: "Axes", values: xr.DataArray) -> None:
-    for name, colour, marker in zip(map(str, values["coefficient"].values), COLOURS, MARKERS, strict=False):
-        axes.plot(
-            values.sel(coefficient=name).values, color=colour, marker=marker, markersize=4, linewidth=0.8, label=name
-        )
-    logarithmic(axes)
-
-
-def _state(axes: "Axes", data: xr.Dataset) -> None:
-    """Draw how closely the noisy signal is followed, and how closely the true one."""
-    for name, look in (("residual", RESIDUAL), ("state_error", STATE)):
-        axes.plot(np.sqrt(np.mean(data[name].values ** 2, data[name].get_axis_num("seed"))), label=name, **look)
-    axes.set_ylim(bottom=0)
-    name_axes(axes, y="rms over the\ntrial [m/s]")

@@ -1,34 +1,18 @@
 """Section II: the longitudinal vehicle, its linearisation about level flight, and the surge model that is its restriction."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from seatrial.core.display_units import shown_unit
-from seatrial.report.drawing import signal_symbol
-from seatrial.report.figures.style import BLUE, MUTED, ORANGE, PURPLE, thin, unit_label
 from seatrial.vehicles.catalogue import load_surge, load_vehicle
 from seatrial.vehicles.linearise import linearise, trim
 from seatrial.vehicles.simulate import simulate
-from studies.remus100.panels import PAGE, key, name_axes, panels
 from studies.remus100.reading import RPM
 from studies.remus100.study import Item, Number, Study
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 STEP, N, CHANGE = 0.01, 1000, 50 * RPM  # 10 s after the propeller speed rose by 50 rpm
-LOOKS = {
-    "longitudinal, non-linear": {"color": BLUE, "linewidth": 1.6},
-    "longitudinal, linearised": {"color": ORANGE, "linewidth": 1.3, "linestyle": (0, (5, 2))},
-    "surge alone": {"color": PURPLE, "linewidth": 1.4, "linestyle": (0, (1.5, 1.5))},
-}
-PARTS = ("full", "linear")  # Names in the results of the first two
-POLES = {"color": BLUE, "marker": "x", "markersize": 5, "markeredgewidth": 1.4, "linestyle": "none"}
 
 
 def vehicle_part(study: Study) -> xr.Dataset:
@@ -106,26 +90,6 @@ def vehicle(study: Study) -> Item:
     )
 
 
-def draw_vehicle(study: Study) -> "Figure":
-    """Draw every state after the step, speed by the surge model too, and the poles of the linear model."""
-    data = study.part("vehicle")
-    figure, grid = panels(PAGE, [84, 84], 3, left=48, between=56, gap=34, share_x=False)
-    time = data["time"].values
-    keep = thin(time.size, 400)
-    for axes, name in zip(grid.flat, map(str, data["state"].values), strict=False):
-        factor, unit = shown_unit(name)
-        lines = {look: data[part].sel(state=name).values for look, part in zip(LOOKS, PARTS, strict=False)}
-        if name == "u":
-            lines["surge alone"] = data["surge"].values
-        for label, values in lines.items():
-            axes.plot(time[keep], factor * values[keep], label=label, **LOOKS[label])
-        axes.margins(y=0.08)
-        name_axes(axes, "time [s]", unit_label(signal_symbol(name), unit))
-    _poles(grid.flat[-1], data)
-    key(figure, LOOKS)
-    return figure
-
-
 def _discrete(a: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Exact step of dx/dt = A x + r over one sample, by the exponential of the joined matrix."""
     from scipy.linalg import expm
@@ -135,12 +99,3 @@ def _discrete(a: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     joined[:d, :d], joined[:d, d] = a, rate
     step = expm(STEP * joined)
     return step[:d, :d], step[:d, d]
-
-
-def _poles(axes: "Axes", data: xr.Dataset) -> None:
-    """Draw the eigenvalues of the linear model; what lies right of the line grows."""
-    real, imaginary = data["eigenvalues"].values.T
-    axes.axvline(0, color=MUTED, linewidth=0.9, label="stable to the left")
-    axes.plot(real, imaginary, label="poles", **POLES)
-    axes.margins(0.15)
-    name_axes(axes, "real part of poles [1/s]", "imaginary part [1/s]")

@@ -79,7 +79,6 @@ def tuning() -> xr.Dataset:
         {
             **dict.fromkeys(names, (("change", "seed", "coefficient"), size)),
             "residual": (("change", "seed"), 1 / size[..., 0]),
-            "state_error": (("change", "seed"), size[..., 0]),
             "noise": ("channel", [0.101, 0.099]),
             "noise_error": ("channel", [0.001, 0.001]),
         },

@@ -5,11 +5,10 @@ import sys
 import numpy as np
 import pytest
 
-from seatrial.core.display_units import shown_unit
 from studies.remus100.evidence import PRINTED_PROBABILITIES
-from studies.remus100.figures import FIGURES, chosen_figures
+from studies.remus100.figures import FIGURES
 from studies.remus100.filters import BOUND_SHARE
-from studies.remus100.reading import NAMES, RPM
+from studies.remus100.reading import RPM
 from studies.remus100.registry import ENTRIES
 from studies.remus100.tests.made_up import FILTERS, METHODS, InMemory, change, made_up_study
 from studies.remus100.tests.studies import A
@@ -25,11 +24,10 @@ def study(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(study):
-    """Every figure, each from the parts that all of its items rest on, and no other."""
+    """Every figure, each from the parts that its item rests on, and no other."""
     figures = {}
     for key, figure in FIGURES.items():
-        common = set.intersection(*(set(ENTRIES[item].parts) for item in figure.items))
-        parts = {name: part for name, part in study.parts.items() if name in common}
+        parts = {name: part for name, part in study.parts.items() if name in ENTRIES[key].parts}
         figures[key] = figure.draw(InMemory(study.folder, study.reading, study.sizes, parts))
     return figures
 
@@ -76,14 +74,12 @@ def test_every_axis_is_labelled_and_nothing_leaves_the_figure(drawn, key):
 def test_figures_are_drawn_without_a_display(study, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
-    for key in ("vehicle", "figure-3", "odds"):
+    for key in ("figure-1", "figure-3", "odds"):
         FIGURES[key].draw(study)
 
 
-def test_a_figure_stands_under_the_first_of_its_items_that_was_judged():
-    assert chosen_figures(["claim-large-r", "claim-large-q"]) == {"tuning": "claim-large-q"}
-    assert chosen_figures(["table-1", "figure-8"]) == {"figure-8": "figure-8"}
-    assert list(chosen_figures(ENTRIES)) == list(FIGURES)
+def test_figures_are_in_the_order_of_their_items():
+    assert [key for key in ENTRIES if key in FIGURES] == list(FIGURES)
 
 
 @pytest.mark.parametrize("key", FIGURES)
@@ -91,19 +87,6 @@ def test_captions_explain(study, key):
     caption = FIGURES[key].caption(study)
     assert len(caption) > 100
     assert caption.endswith(".")
-
-
-def test_the_vehicle_is_drawn_state_by_state(study, drawn):
-    data, panels = study.part("vehicle"), drawn["vehicle"].axes
-    for axes, name in zip(panels, data["state"].values, strict=False):
-        factor, unit = shown_unit(str(name))
-        assert f"[{unit}]" in axes.get_ylabel()
-        one = data.sel(state=name)
-        for label, kind in (("longitudinal, non-linear", "full"), ("longitudinal, linearised", "linear")):
-            assert_shown(axes, label, data["time"], factor * one[kind])
-    assert_shown(panels[0], "surge alone", data["time"], data["surge"])
-    poles = line(panels[-1], "poles")
-    np.testing.assert_array_equal(np.column_stack(poles.get_data()), data["eigenvalues"].values)
 
 
 @pytest.mark.parametrize(("key", "names"), [("figure-1", FILTERS[:3]), ("figure-2", FILTERS[2:])])
@@ -144,18 +127,6 @@ def test_the_chosen_doublet_is_drawn_with_its_quiet_tail(study, drawn):
         (grid[2, 2], "SRUKF", data["sd"][:, 2]),
     ):
         assert_shown(axes, label, data["time"], values)
-
-
-def test_tuning_is_over_the_true_values(study, drawn):
-    data, grid = study.part("tuning"), np.array(drawn["tuning"].axes).reshape(2, 2)
-    for column, name in enumerate(NAMES):
-        truth = abs(study.reading.printed_truth[name])
-        error = np.sqrt((data["error"].values[..., column] ** 2).mean(1)) / truth
-        np.testing.assert_allclose(heights(grid[0, 0], name), error)
-        np.testing.assert_allclose(heights(grid[0, 1], name), data["sd"].values[..., column].mean(1) / truth)
-        np.testing.assert_allclose(heights(grid[1, 0], name), data["travelled"].values[..., column].mean(1) / truth)
-    np.testing.assert_allclose(heights(grid[1, 1], "residual"), np.sqrt((data["residual"].values ** 2).mean(1)))
-    assert [text.get_text() for text in grid[1, 0].get_xticklabels()] == ["as printed", "P × 10⁴", "Q × 10⁴", "R × 100"]
 
 
 def test_the_sweep_is_a_surface_and_contours_and_the_ridges_have_three_windows(study, drawn):
