@@ -24,7 +24,8 @@ from seatrial.estimation.diagnostics.error_budget import EXACT, error_budget
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior, values_of
-from seatrial.estimation.prediction.pooled_coverage import RunResiduals, pooled_verdict, run_residuals
+from seatrial.estimation.prediction.fit_verdict import judge_runs
+from seatrial.estimation.prediction.prediction import Prediction
 from seatrial.sampling.run import Draws
 from seatrial.selection.importance import ImportanceSettings, importance_sample
 
@@ -259,8 +260,9 @@ def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dic
     fitted, new, further = records[:FITTED], records[FITTED : FITTED + JUDGED], records[FITTED + JUDGED :]
     posterior = posterior_of(fitted, error)
     draws = drawn(posterior, st.find_mode(posterior, 1))
-    found = pooled_verdict([residuals(posterior, draws, record) for record in new], "u")
-    beyond = np.abs(np.concatenate([residuals(posterior, draws, record).z for record in further]))
+    found = judge_runs([predicted(posterior, draws, record).run("u") for record in new], "u")
+    beyond = [predicted(posterior, draws, record) for record in further]
+    beyond = np.abs(np.concatenate([(one.measured - one.mean)[:, 0] / one.sd[:, 0] for one in beyond]))
     held = {"as stated": 1.0, "widened": found.widen, "widened most": found.widen_upper}
     columns = {name: draws.array([name])[:, 0] for name in truth}
     return {
@@ -271,11 +273,9 @@ def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dic
     }
 
 
-def residuals(posterior: Posterior, draws: Draws, record: st.Record) -> RunResiduals:
-    """Return what is left of one run as it is predicted."""
-    predicted = st.predict(posterior, draws, record, n=DRAWS, key=2)
-    motion = predicted.mean[:, 0], predicted.motion_sd[:, 0]
-    return run_residuals(record.time, record.channel("u"), *motion, float(predicted.noise_sd[0]))
+def predicted(posterior: Posterior, draws: Draws, record: st.Record) -> Prediction:
+    """Return one run as it is predicted."""
+    return st.predict(posterior, draws, record, n=DRAWS, key=2)
 
 
 def drawn(posterior: Posterior, mode: Mode) -> Draws:

@@ -2,7 +2,7 @@
 
 Pooled over runs the explained share is 1 - sum SSE / sum SST, each run about its own mean; CRPS, log score and coverage are means over
 samples. A coverage is held against the binomial distribution of as many samples as the errors are worth
-(`seatrial.estimation.prediction.prediction_scores.effective_samples`); below ten of these it cannot be judged.
+(`seatrial.estimation.prediction.prediction_scores.independent_samples`); below ten of these it cannot be judged.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,13 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from seatrial.estimation.prediction.prediction_scores import DIVERGES, LOG_2PI, coverage, crps_normal, effective_samples
+from seatrial.estimation.prediction.prediction_scores import (
+    DIVERGES,
+    LOG_2PI,
+    coverage,
+    crps_normal,
+    independent_samples,
+)
 
 FEWEST_EFFECTIVE = 10.0
 """Effective samples below which a coverage is not judged."""
@@ -122,7 +128,7 @@ def score_run(
         run,
         channel,
         int(measured.size),
-        effective_samples(time, z),
+        independent_samples([(time, z)]),
         squares,
         1.0 - squares[0] / squares[1] if squares[1] > 0 else None,
         float(crps_normal(measured, mean, sd).mean()),

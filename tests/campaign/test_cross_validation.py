@@ -15,7 +15,7 @@ from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding
 from seatrial.core.serialise import from_plain, to_plain
-from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
+from seatrial.estimation.prediction.fit_verdict import judge_runs
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, unscored
 from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement, rows
 from seatrial.messages.render import sentence
@@ -39,7 +39,7 @@ def candidate(label, elpd, evidence, crps, error=OWN, lines=()):
         LeftOutRun(name, value, 0.1, 0.2, False, {"u": replace(unscored(100, ""), crps=score, coverage=0.88)})
         for name, value, score in zip("abc", elpd, crps, strict=False)
     )
-    left = LeaveOneRunOut(runs, {"u": pooled_verdict([], "u")}, evidence, "")
+    left = LeaveOneRunOut(runs, {"u": judge_runs([], "u")}, evidence, "")
     return Candidate(Structure(label, ("X_u", label)), error, tuple(lines), left)
 
 
@@ -179,7 +179,7 @@ def test_cross_validation_survives_json():
 
 
 @pytest.mark.parametrize(
-    ("code", "level", "kind"), [("runs-diverge", "alarm", "fail"), ("runs-not-measured", "note", "unjudged")]
+    ("code", "level", "kind"), [("prediction-diverges", "alarm", "fail"), ("channel-not-measured", "note", "unjudged")]
 )
 def test_bands_are_judged(code, level, kind):
     bands = replace(LIKELY.result.bands["u"], verdict=Finding(code, level, ("u",)))

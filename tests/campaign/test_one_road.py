@@ -43,7 +43,7 @@ ROADS = {
     "known": ["make_posterior", "identify"],
     "promised": ["identifiability_of_design"],
     "filter": ["run_filter"],
-    "predictions": ["predict", "judge_fit", "pooled_verdict"],
+    "predictions": ["predict", "judge_fit", "judge_runs"],
     "baselines": ["fit_baselines"],
     "next": ["design_trial", "GridSearch"],
     "contenders": ["design_trial", "simulate"],

@@ -187,13 +187,13 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     found = propose(replace(outcome, fits=slow))
     assert found.trial is None
     assert "only if the stated ± hold" in found.lines[-1]
-    assert ": run 1: residuals of u are correlated " in found.lines[-1]
+    assert ": run 1: residuals of u are correlated: " in found.lines[-1]
     assert "; likewise " in found.lines[-1]
     assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
     assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
     assert summary_section(outcome)["passed"] == "No health check failed"
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
-    assert unmet.first[0].startswith("first correct what failed: run 1: residuals of u are correlated ")
+    assert unmet.first[0].startswith("first correct what failed: run 1: residuals of u are correlated: ")
     assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
     assert unmet.beside(["another"]) is unmet
     rows = tuple(

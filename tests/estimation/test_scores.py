@@ -1,20 +1,20 @@
-"""Scores against numerical integration, scipy and textbook loops."""
+"""Scores against numerical integration, scipy and textbook loops; the number of independent samples against closed forms."""
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from seatrial.estimation.prediction.fit_verdict import LIKELY, UNDERSTATED
 from seatrial.estimation.prediction.prediction_scores import (
     SlowNoise,
     _innovations,
+    band_factor,
     coverage,
     crps_normal,
-    effective_samples,
-    explained_share,
-    nrmse_fit,
-    pit_distance,
-    pit_shares,
-    whiteness,
+    independent_samples,
+    long_run_variance,
+    probability_of_so_few,
+    share_range,
 )
 from tests.estimation_cases import slow_noise
 
@@ -29,109 +29,143 @@ def test_normal_score_is_the_integral(y, mean, sd):
     assert crps_normal(np.array([y]), np.array([mean]), np.array([sd]))[0] == pytest.approx(below + above, rel=1e-7)
 
 
-def test_a_fit_by_hand():
-    measured, predicted = np.array([1.0, 2.0, 3.0, 6.0]), np.array([1.0, 2.0, 4.0, 5.0])
-    assert explained_share(measured, predicted) == pytest.approx(1 - 2 / 14)
-    assert nrmse_fit(measured, predicted) == pytest.approx(1 - np.sqrt(2 / 14))
-    assert nrmse_fit(measured, measured) == 1.0
-    assert np.isnan(explained_share(np.full(5, 0.1), np.zeros(5)))
-    assert np.isnan(nrmse_fit(np.full(5, 0.1), np.zeros(5)))
-
-
-def test_calibration_of_normal_residuals():
-    """Quantiles of the normal are covered exactly and transform to a uniform grid."""
+def test_coverage_of_normal_residuals():
     z = stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
     assert coverage(z, 0.5) == pytest.approx(0.5)
     assert coverage(z, 0.9) == pytest.approx(0.9)
-    np.testing.assert_allclose(pit_shares(z), 0.1)
-    assert pit_distance(z) == pytest.approx(0.0005)
-    assert pit_distance(z + 1.0) == pytest.approx(0.383, abs=2e-3)
-    assert pit_shares(np.full(3, 9.0))[-1] == 1.0
 
 
-def test_portmanteau_is_calibrated_across_gaps():
-    """Of 400 white series with gaps 5 % fall below p = 0.05, give or take three errors; of correlated ones nearly all."""
-    rng = np.random.default_rng(4)
-    p = []
-    for _ in range(400):
-        present = rng.random(200) < 0.6
-        present[80:120] = False
-        p.append(whiteness(np.flatnonzero(present) * 0.5, rng.normal(size=int(present.sum()))).p_value)
-    assert abs(np.mean(np.array(p) < 0.05) - 0.05) < 3 * np.sqrt(0.05 * 0.95 / 400)
-    assert abs(np.mean(np.array(p) < 0.5) - 0.5) < 3 * np.sqrt(0.25 / 400)
+@pytest.mark.parametrize(("k", "n"), [(18, 29), (29, 29), (0, 12), (9, 10)])
+def test_range_and_probability_are_those_of_whole_numbers(k, n):
+    exact = stats.binomtest(k, n).proportion_ci(0.95, "exact")
+    assert share_range(k / n, n) == pytest.approx((exact.low, exact.high))
+    assert probability_of_so_few(k / n, n) == pytest.approx(stats.binom(n, 0.9).cdf(k))
+
+
+def test_factor_holds_nine_tenths_of_the_samples_and_its_range_the_truth():
+    """Errors 1.8 times those stated: of 200 sets of 60 samples at least 90 % of ranges hold 1.8, three errors below 95 %."""
+    random, held = np.random.default_rng(3), 0
+    for _ in range(200):
+        z = 1.8 * random.normal(size=60)
+        factor, lower, upper = band_factor(z, 60)
+        assert np.mean(np.abs(z) <= factor * stats.norm.ppf(0.95)) == pytest.approx(0.9, abs=1 / 60)
+        held += lower <= 1.8 <= upper
+    assert held >= 180
 
 
 def autoregressive(rho, n, seed):
     return slow_noise(np.random.default_rng(seed), np.arange(n), -1 / np.log(rho))
 
 
-def test_jitter_of_the_clock_does_not_shift_lags():
-    rng = np.random.default_rng(6)
-    e = autoregressive(0.9, 20_000, 6)
-    time = 0.1 * (np.arange(e.size) + 0.2 * rng.uniform(-1, 1, e.size))
-    np.testing.assert_allclose(whiteness(time, e).correlation[:5], 0.9 ** np.arange(1, 6), atol=0.04)
+@pytest.mark.parametrize("rho", [0.6, 0.8])
+def test_the_mean_of_an_autoregression_varies_as_its_closed_form(rho):
+    """(1 + rho) / (1 - rho) times as much as that of white noise; n over that many samples are independent, and jitter does not matter."""
+    e = autoregressive(rho, 20_000, 5)
+    time = 0.05 * (np.arange(e.size) + 0.2 * np.random.default_rng(6).uniform(-1, 1, e.size))
+    found = long_run_variance([(time, e)])
+    assert found.p_value < 1e-6
+    assert found.ratio == pytest.approx((1 + rho) / (1 - rho), rel=0.2)
+    assert independent_samples([(time, e)]) == e.size / found.ratio
+    assert long_run_variance([(time[1:], np.diff(e))]).ratio < 1.2
 
 
-@pytest.mark.parametrize("values", [np.empty(0), np.zeros(1), np.zeros(50), np.full(50, 0.1)])
-def test_nothing_to_test_is_no_evidence_against_whiteness(values):
-    found = whiteness(np.arange(values.size, dtype=float), values)
-    assert found.p_value == 1.0
-    assert found.neighbours == 0.0
-    assert effective_samples(np.arange(values.size, dtype=float), values) <= 1.0
+def test_runs_are_clusters_where_there_are_several():
+    """The mean of twenty runs varies as the sums of the runs do: of runs that are each off by a constant, one sample of each is left."""
+    rng = np.random.default_rng(3)
+    shifts = rng.normal(size=20)
+    runs = [(np.arange(50.0), np.full(50, shift)) for shift in shifts]
+    assert independent_samples(runs) == pytest.approx(20)
+    sums = np.array([e.sum() for _, e in runs])
+    assert long_run_variance(runs).ratio == pytest.approx(sums @ sums / sum(e @ e for _, e in runs))
+    assert 0.5 < independent_samples(runs[:1]) < 5
 
 
-@pytest.mark.parametrize("lags", [3, 20])
-def test_autocorrelation_across_gaps_by_pairs(lags):
-    """Products of all pairs that lie k intervals apart, over their number and the mean square; lags without a pair are left out."""
-    at = np.array([0, 1, 3, 4, 5, 7, 8, 12, 13, 15, 16, 17, 19, 20, 21, 40, 41, 43])
-    e = np.random.default_rng(9).normal(size=at.size)
-    found, centred = whiteness(0.5 * at, e, lags), e - e.mean()
-    expected = {}
-    for lag in range(1, min(lags, at.size // 3) + 1):
-        products = [
-            a * b for a, i in zip(centred, at, strict=True) for b, j in zip(centred, at, strict=True) if j - i == lag
+def test_sums_of_products_by_all_pairs():
+    """Four runs with gaps: products of every pair of samples, weighed by Bartlett's triangle and summed one by one."""
+    rng, time = np.random.default_rng(6), [np.array([0, 1, 2, 4, 5, 6, 7, 9, 12, 13.0]), np.arange(14.0)] * 2
+    runs = [(t, rng.normal(size=t.size) * (1 + i) + 0.5) for i, t in enumerate(time)]
+    total = sum(np.sum(e**2) for _, e in runs)
+    tried = []
+    for q in (2, 4, 8, 16):
+        ratio, whole, variance = 1.0, 1.0, 0.0
+        for t, e in runs:
+            for i in range(e.size):
+                for j in range(i):
+                    if (k := t[i] - t[j]) < q:
+                        ratio += 2 * (1 - k / q) * e[i] * e[j] / total
+                        whole += 2 * e[i] * e[j] / total
+                        variance += 4 * (1 - k / q) ** 2 * (np.mean(e**2) / total) ** 2
+        if variance <= 2 / 6:
+            tried.append(((ratio - 1) / np.sqrt(variance), whole, stats.chi2(2 / variance).sf(ratio * 2 / variance)))
+    found = long_run_variance(runs)
+    assert found.ratio == pytest.approx(max(tried)[1])
+    assert found.p_value == pytest.approx(min(1.0, len(tried) * min(p for *_, p in tried)))
+
+
+@pytest.mark.parametrize("values", [np.empty(0), np.zeros(1), np.zeros(50)])
+def test_nothing_to_test_is_no_evidence_of_correlation(values):
+    assert long_run_variance([(np.arange(values.size, dtype=float), values)]) == (1.0, 1.0)
+
+
+def is_called_correlated(runs):
+    found = long_run_variance(runs)
+    return found.p_value < LIKELY and np.sqrt(found.ratio) > UNDERSTATED
+
+
+def even(seconds, step=0.1):
+    return lambda rng: np.arange(0.0, seconds, step)
+
+
+def with_gaps(rng):
+    there = rng.random(600) < 0.5
+    there[200:350] = False
+    return 0.1 * np.flatnonzero(there)
+
+
+def at_random(rng):
+    return np.cumsum(rng.exponential(0.1, 600))
+
+
+def in_bursts(rng):
+    return np.concatenate([5.0 * burst + 0.05 * np.arange(20) for burst in range(20)])
+
+
+# Times of a run, how many runs, and the share of such records of white 0.1 m/s with a slow 0.03 m/s over 5 s that has to be found.
+RECORDS = {
+    "300 s": (even(300.0), 1, 0.95),
+    "60 s": (even(60.0), 1, 0.8),
+    "five of 60 s": (even(60.0), 5, 0.95),
+    "20 s": (even(20.0), 1, 0.35),
+    "seven of 20 s": (even(20.0), 7, 0.9),
+    "forty samples": (even(4.0), 1, 0.0),
+    "twelve samples": (even(1.2), 1, 0.0),
+    "half missing, and a gap": (with_gaps, 4, 0.85),
+    "at random": (at_random, 1, 0.8),
+    "bursts": (in_bursts, 1, 0.6),
+}
+
+
+@pytest.mark.parametrize("record", RECORDS)
+def test_white_residuals_are_rarely_called_correlated_and_small_slow_errors_often(record):
+    """At most 1 % of 400 white records, plus three errors; the power is asked for less three errors of 60 records.
+
+    Measured with 2000 white records (400 of the long ones): 0.1 to 0.7 %; with 300 slow ones: 100, 88, 100, 43, 100, 6, 0, 95, 88 and
+    71 %, in the order of the table.
+    """
+    times, count, power = RECORDS[record]
+    rng = np.random.default_rng(43)
+    runs = 400 if count == 1 and record != "300 s" else 100
+    white = [[(time, rng.normal(size=time.size)) for time in (times(rng) for _ in range(count))] for _ in range(runs)]
+    false = np.mean([is_called_correlated(one) for one in white])
+    assert false <= 0.01 + 3 * np.sqrt(0.01 / runs)
+    both = [
+        [
+            (time, 0.1 * rng.normal(size=time.size) + 0.03 * slow_noise(rng, time, 5.0))
+            for time in (times(rng) for _ in range(count))
         ]
-        if products:
-            expected[lag] = (len(products), np.mean(products) / np.mean(centred**2))
-    assert found.lag.tolist() == list(expected)
-    assert found.pairs.tolist() == [pairs for pairs, _ in expected.values()]
-    assert found.correlation == pytest.approx([r for _, r in expected.values()])
-    n = at.size
-    q = (n + 2) / n * sum(pairs * r**2 for pairs, r in expected.values())
-    assert found.p_value == pytest.approx(stats.chi2.sf(q, len(expected)))
-    assert found.interval == 0.5
-
-
-@pytest.mark.parametrize(("count", "tested"), [(7, False), (8, True)])
-def test_eight_samples_are_tested(count, tested):
-    e = np.random.default_rng(10).normal(size=count)
-    found = whiteness(0.5 * np.arange(count), e)
-    assert (found.lag.size, found.correlation.size, found.pairs.size) == (2 * tested,) * 3
-    assert (found.p_value < 1.0) == tested
-    assert found.interval == 0.5
-    assert (effective_samples(np.arange(count), e) != 1.0) == tested
-    assert effective_samples(np.arange(0.0), np.empty(0)) == 0.0
-
-
-def test_no_neighbours_have_no_correlation():
-    """The lags that some pair of samples has need not begin with one."""
-    e = np.random.default_rng(11).normal(size=12)
-    found = whiteness(np.arange(12.0), e)._replace(lag=np.array([2, 3]), correlation=np.array([0.7, 0.1]))
-    assert found.neighbours == 0.0
-    assert found._replace(lag=np.array([1, 3])).neighbours == 0.7
-
-
-def test_effective_samples_by_a_plain_sum():
-    """n over one plus twice the correlations up to the first that is not positive, of lags below half of the samples."""
-    for seed in range(5):
-        e = autoregressive(0.5, 40, seed)
-        c, total = e - e.mean(), 0.0
-        for lag in range(1, 20):
-            r = float(c[lag:] @ c[:-lag] / (c @ c))
-            if r <= 0:
-                break
-            total += r
-        assert effective_samples(np.arange(40.0), e) == pytest.approx(40 / (1 + 2 * total))
+        for _ in range(60)
+    ]
+    assert np.mean([is_called_correlated(one) for one in both]) >= power - 3 * np.sqrt(power * (1 - power) / 60)
 
 
 def test_what_is_new_in_coloured_residuals_is_white_by_the_factor_of_their_covariance():

@@ -23,9 +23,8 @@ from seatrial.design.sweep import Sweep
 from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.estimation.prediction.baseline_comparison import Comparison, Predicted, Run, compare
-from seatrial.estimation.prediction.fit_verdict import judge_fit
-from seatrial.estimation.prediction.pooled_coverage import Pooled, pooled_verdict, run_residuals
-from seatrial.estimation.prediction.prediction_scores import Score, unscored
+from seatrial.estimation.prediction.fit_verdict import Pooled, judge_fit, judge_runs
+from seatrial.estimation.prediction.prediction_scores import PredictedRun, Score, unscored
 from seatrial.selection.contenders import Contenders, SpeedDifference
 from seatrial.selection.cross_validation import OWN, Candidate, CrossValidation, LeaveOneRunOut, LeftOutRun
 from seatrial.selection.screened import Screened
@@ -177,8 +176,8 @@ def make_pooled(scale: float) -> tuple[Pooled, ...]:
     """Held-back runs whose errors are of this size, and noise that was found to be 0.02."""
     time, random = np.arange(150) * 0.1, np.random.default_rng(3)
     motion, none = 0.2 * np.sin(time), np.zeros(150)
-    runs = [run_residuals(time, motion + scale * random.normal(size=150), motion, none, 0.02) for _ in range(3)]
-    return (pooled_verdict(runs, "u"),)
+    runs = [PredictedRun(time, motion + scale * random.normal(size=150), motion, none, 0.02) for _ in range(3)]
+    return (judge_runs(runs, "u"),)
 
 
 def make_compared(error: float) -> tuple[Comparison, ...]:
@@ -269,11 +268,9 @@ def _fit(label: str, channel: str) -> Fit:
         score = unscored(0, "nothing was measured")
     else:
         numbers = {"explained": 0.4, "nrmse": 0.2254, "rmse": 0.03, "crps": 0.02, "log_score": 1.0, "noise_share": 0.1}
-        numbers |= {"noise_sd": 0.02, "correlation_time": 0.0, "coefficient_share": 0.1}
-        shape = {"coverage_50": 0.3, "coverage": 0.7, "variance": 2.2, "pit": (0.1,) * 10, "pit_distance": 0.02}
-        score = Score(
-            150, 20.0, **numbers, **shape, correlation=0.9, second=0.8, interval=0.1, white=1e-9, sd_factor=4.4
-        )
+        numbers |= {"noise_sd": 0.02, "coefficient_share": 0.1, "white": 1e-9, "sd_factor": 4.4, "p_value": 0.01}
+        bands = {"coverage_50": 0.3, "coverage": 0.7, "lower": 0.46, "upper": 0.88, "variance": 2.2, "pit": (0.1,) * 10}
+        score = Score(150, 20.0, **numbers, **bands, widen=1.5, widen_lower=1.2, widen_upper=1.8)
     verdict = judge_fit(score, channel, held_back, "white")
     return Fit(**vars(score), record=label, held_back=held_back, channel=channel, verdict=verdict)
 

@@ -9,7 +9,7 @@ from pydantic import computed_field
 
 from seatrial.core.findings import Finding, Message
 from seatrial.core.signals import SPEEDS
-from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.fit_verdict import Pooled
 from seatrial.estimation.prediction.prediction_scores import DIVERGES, Score
 from seatrial.selection.stack import SMALL, Gap, mixture_score, paired, simplest, stacking_weights
 from seatrial.selection.structures import Structure
@@ -20,14 +20,7 @@ EXCLUDED = 0.05  # Probability below which the evidence excludes a structure
 SMALL_CRPS = 0.05  # Relative difference of the CRPS below which it does not matter
 MAX_RATIO = 1e3  # Relative CRPS that stands for that of a simulation without bounds
 # Findings, by their codes or remedies, that another model of the error may answer.
-ERROR_ADVICE = {
-    "bands-too-narrow",
-    "band-too-narrow",
-    "coloured-noise",
-    "drifting-noise",
-    "add-error-model",
-    "filter-error",
-}
+ERROR_ADVICE = {"band-too-narrow", "drifting-noise", "add-error-model", "filter-error"}
 # Chance that a run is predicted so much better by another structure, at most, from which the one that the evidence prefers is contradicted.
 MAX_CHANCE = 0.01
 

@@ -24,7 +24,7 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.mode import ROUGH_GAIN, Mode, find_mode, maximise
 from seatrial.estimation.posterior.posterior import Posterior, as_key
-from seatrial.estimation.prediction.pooled_coverage import pooled_verdict
+from seatrial.estimation.prediction.fit_verdict import judge_runs
 from seatrial.estimation.prediction.posterior_by_run import (
     RunExpansion,
     RunPosteriors,
@@ -35,6 +35,7 @@ from seatrial.estimation.prediction.posterior_by_run import (
     split_runs,
     weigh_runs,
 )
+from seatrial.estimation.prediction.prediction_scores import score_channel
 from seatrial.selection.cross_validation import LeaveOneRunOut, LeftOutRun
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
@@ -99,13 +100,13 @@ def leave_one_run_out(
         first = float(jax.random.uniform(predict_key))
         places = np.searchsorted(edges / edges[-1], (first + np.arange(PREDICTION_DRAWS)) / PREDICTION_DRAWS)
         predicted.append(predict_fold(runs, r, known.z[np.minimum(places, len(known.z) - 1)], predict_key))
-        scores = {channel: one.score for channel, one in predicted[-1].items()}
+        scores = {channel: score_channel([one]) for channel, one in predicted[-1].items()}
         left_out.append(LeftOutRun(label, elpd, error, k_hat, r in refitted, scores))
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
         progress(3 + r, count + 2)
     status = f"the score of {', '.join(poor)} depends on a few draws: the posterior is far from normal" if poor else ""
     log_evidence = float(logsumexp(_log_weight(known, runs.sums[-1]))) - float(np.log(len(known.z)))
-    bands = {name: pooled_verdict([one[name].residuals for one in predicted], name) for name in predicted[0]}
+    bands = {name: judge_runs([one[name] for one in predicted], name) for name in predicted[0]}
     return LeaveOneRunOut(tuple(left_out), bands, log_evidence, status)
 
 

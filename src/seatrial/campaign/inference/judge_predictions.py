@@ -23,22 +23,17 @@ from seatrial.core.record import Record
 from seatrial.estimation.prediction.fit_verdict import (
     LEVELS,
     POOR,
-    UNRELIABLE_SD,
-    check_residuals,
+    SLOW,
+    Pooled,
     judge_fit,
+    judge_runs,
+    without_numbers,
     worst,
 )
 from seatrial.estimation.prediction.fitted_range import outside_fitted
 from seatrial.estimation.prediction.forecast import Forecaster, make_forecaster
-from seatrial.estimation.prediction.pooled_coverage import (
-    Pooled,
-    pooled_verdict,
-    run_residuals,
-    shared_motion,
-    without_numbers,
-)
 from seatrial.estimation.prediction.prediction import Prediction, offsets_at_zero, predict
-from seatrial.estimation.prediction.prediction_scores import DIVERGES, integrated_correlation, new_residuals
+from seatrial.estimation.prediction.prediction_scores import DIVERGES, score_channel
 from seatrial.estimation.prediction.short_horizon import (
     HORIZON,
     MAX_RECORD_SHARE,
@@ -193,7 +188,7 @@ def disowned(fits: Sequence[Fit]) -> str:
         (
             sentence(_finding(group))
             for group in _alike(fits)
-            if group[0].verdict.code in UNRELIABLE_SD and not group[0].held_back
+            if group[0].code == SLOW and not group[0].verdict.values["modelled"]
         ),
         "",
     )
@@ -227,7 +222,7 @@ def _alike(fits: Sequence[Fit]) -> list[list[Fit]]:
     for fit in sorted(fits, key=lambda fit: -LEVELS.index(fit.level)):
         if fit.level != "pass":
             verdict = fit.verdict
-            key = (verdict.level, verdict.code, verdict.values.get("why"), verdict.remedies[:1], fit.held_back)
+            key = (verdict.level, verdict.code, verdict.remedies[:1], fit.held_back)
             groups.setdefault(key, []).append(fit)
     return list(groups.values())
 
@@ -380,26 +375,17 @@ def _fitted(setting: _Setting, predicted: Sequence[Prediction], forecast: Foreca
     A correlation that each record alone is too short to show, and all together show, is a finding about each.
     """
     fits = [fit for one in predicted for fit in _fits(setting, one, forecast)]
-    for column, (channel, noise) in enumerate(setting.noise.items()):
-        of = channel, False, noise, setting.has_feedback
+    for channel, noise in setting.noise.items():
         own = [at for at, fit in enumerate(fits) if fit.channel == channel]
-        if len(own) < 2 or predicted[0].is_filtered or any(check_residuals(fits[at], *of) for at in own):
+        if len(own) < 2 or predicted[0].is_filtered:
             continue
-        together = integrated_correlation([_new_residuals(one, column) for one in predicted])
+        together = score_channel([one.run(channel) for one in predicted])
         for at in own:
-            score = replace(fits[at], white=together.p_value, sd_factor=together.sd_factor)
-            verdict = check_residuals(score, *of)
-            if verdict and score.level in ("pass", "unjudged"):
+            score = replace(fits[at], white=together.white, sd_factor=together.sd_factor)
+            verdict = judge_fit(score, channel, False, noise, feedback=setting.has_feedback)
+            if verdict.code == SLOW and score.level in ("pass", "unjudged"):
                 fits[at] = replace(score, verdict=verdict)
     return fits
-
-
-def _new_residuals(predicted: Prediction, column: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return when a channel was measured, s, and what is new in its normalised residuals."""
-    curves = _curves(predicted)
-    present = np.isfinite(curves["measured"][:, column]) & np.isfinite(curves["mean"][:, column])
-    time, measured, mean, sd = (curves[name][present] for name in ("time", "measured", "mean", "sd"))
-    return time, new_residuals(time, (measured - mean)[:, column] / sd[:, column], predicted.slow[column])
 
 
 def _curves(predicted: Prediction) -> dict[str, np.ndarray]:
@@ -409,20 +395,11 @@ def _curves(predicted: Prediction) -> dict[str, np.ndarray]:
 def _pooled(setting: _Setting, predicted: Sequence[Prediction], fits: Sequence[Fit]) -> tuple[Pooled, ...]:
     """Every channel of all held-back records together, but for those in which the vehicle leaves its course by itself."""
     pooled = []
-    for column, channel in enumerate(setting.noise if predicted else ()):
+    for channel in setting.noise if predicted else ():
         own = [fit for fit in fits if fit.held_back and fit.channel == channel]
-        kept = [one for one, fit in zip(predicted, own, strict=True) if fit.verdict.code != "course-left"]
-        if not kept:
+        kept = [one for one, fit in zip(predicted, own, strict=True) if fit.code != "course-left"]
+        if kept:
+            pooled.append(judge_runs([one.run(channel) for one in kept], channel, setting.lacks[channel]))
+        else:
             pooled.append(without_numbers(Finding("runs-leave-course", "note", (channel,)), len(predicted)))
-            continue
-        runs = [
-            run_residuals(
-                one.time,
-                *(columns[:, column] for columns in (one.measured, one.mean, one.motion_sd)),
-                noise_sd=float(one.noise_sd[column]),
-            )
-            for one in kept
-        ]
-        shared = shared_motion([one.products[column] for one in kept])
-        pooled.append(pooled_verdict(runs, channel, shared, setting.lacks[channel]))
     return tuple(pooled)

@@ -10,8 +10,7 @@ from pydantic import computed_field
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding
 from seatrial.estimation.prediction.baseline_comparison import Predicted
-from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel
-from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.fit_verdict import FIT_LEVELS, FitLevel, Pooled
 from seatrial.estimation.prediction.prediction_scores import Score
 from seatrial.messages.render import remedy, statement
 

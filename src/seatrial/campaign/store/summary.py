@@ -11,7 +11,7 @@ from seatrial.core.findings import Message
 from seatrial.design.results import BestDesign
 from seatrial.estimation.diagnostics.known import Known
 from seatrial.estimation.prediction.baseline_comparison import Comparison
-from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.fit_verdict import Pooled
 from seatrial.selection.verdict import StoredAverage, StructureRow
 
 

@@ -15,7 +15,7 @@ from seatrial.core.findings import Finding
 from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.diagnostics.known import Known
 from seatrial.estimation.prediction.baseline_comparison import Comparison
-from seatrial.estimation.prediction.pooled_coverage import Pooled
+from seatrial.estimation.prediction.fit_verdict import Pooled
 from seatrial.messages.cross_validation import disagreement
 from seatrial.messages.render import sentences
 from seatrial.selection.contenders import Contenders

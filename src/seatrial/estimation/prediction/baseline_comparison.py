@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.special import stdtr
 
 from seatrial.estimation.prediction.fit_verdict import FitLevel
-from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, effective_samples
+from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, independent_samples
 
 CLEAR_RATIO = 1.1  # Ratio of the CRPS from which a baseline is clearly better
 MAX_CHANCE = 0.05  # Probability below which a difference is not put down to chance
@@ -145,7 +145,8 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
         if own[0].size:
             difference = crps_normal(*own) - crps_normal(*other)
             differences.append(difference)
-            worth.append(max(1.0, effective_samples(run.time[np.isfinite(run.measured)], difference)))
+            time = run.time[np.isfinite(run.measured)]
+            worth.append(max(1.0, independent_samples([(time, difference - difference.mean())])))
     weights = np.array([one.size for one in differences]) / sum(one.size for one in differences)
     means = np.array([one.mean() for one in differences])
     total = float(weights @ means)

@@ -26,7 +26,7 @@ from seatrial.core.errors import InputError, NumericalError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
 from seatrial.estimation.prediction.lag_response import Lags, Run, fit_cubic, fit_lags
-from seatrial.estimation.prediction.prediction_scores import Score, score_channel, unscored
+from seatrial.estimation.prediction.prediction_scores import PredictedRun, Score, score_channel, unscored
 
 VELOCITIES = (*RATES, *OVER_GROUND)  # Channels that a lag predicts
 # Controls that are taken to steer where a vehicle has them; otherwise the one that explains the yaw rate best.
@@ -94,7 +94,9 @@ class FittedBaseline:
             measured = _measured(record, channel)[start:]
             if np.isfinite(measured).any():
                 still = np.zeros(mean.size)
-                scores[channel] = score_channel(record.time[start:], measured, mean, still, float(noise_sd))
+                scores[channel] = score_channel(
+                    [PredictedRun(record.time[start:], measured, mean, still, float(noise_sd))]
+                )
             else:
                 scores[channel] = unscored(0, "nothing was measured")
         return scores

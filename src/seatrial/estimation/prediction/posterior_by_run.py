@@ -32,7 +32,6 @@ from seatrial.estimation.posterior.mode import Mode, expand_prior
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, check_posterior
 from seatrial.estimation.posterior.slopes import slopes_by_trial
-from seatrial.estimation.prediction.pooled_coverage import RunResiduals, run_residuals
 from seatrial.estimation.prediction.prediction import (
     noise_sd,
     of_any_trial,
@@ -40,7 +39,7 @@ from seatrial.estimation.prediction.prediction import (
     slow_noise,
     values_of_draws,
 )
-from seatrial.estimation.prediction.prediction_scores import Score, score_channel
+from seatrial.estimation.prediction.prediction_scores import PredictedRun
 from seatrial.estimation.simulation.trial_data import only_measured
 from seatrial.sampling.target import AT_ONCE, LANES
 
@@ -260,17 +259,10 @@ def shared_log_prior(runs: RunPosteriors, shared: Float[np.ndarray, "n k"]) -> F
     return priors[:, : runs.shared.size].sum(1)
 
 
-class PredictedChannel(NamedTuple):
-    """How one channel of a run is predicted, and what a judgement of all runs together needs of it."""
-
-    score: Score
-    residuals: RunResiduals
-
-
 def predict_fold(
     runs: RunPosteriors, fold: int, shared: Float[np.ndarray, "n k"], key: jax.Array
-) -> dict[str, PredictedChannel]:
-    """Return how well one fold is predicted in free simulation of its run from its inputs, each channel by name.
+) -> dict[str, PredictedRun]:
+    """Return how one fold is predicted in free simulation of its run from its inputs, each channel by name.
 
     Args:
         runs: of `split_runs`.
@@ -295,10 +287,7 @@ def predict_fold(
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
         noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
-        slow = slow_noise(sensor, values)
-        result[sensor.channel] = PredictedChannel(
-            score_channel(*columns, noise_sd=noise, slow=slow), run_residuals(*columns, noise_sd=noise)
-        )
+        result[sensor.channel] = PredictedRun(*columns, noise, slow_noise(sensor, values))
     return result
 
 

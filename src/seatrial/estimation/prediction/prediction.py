@@ -24,8 +24,7 @@ from seatrial.estimation.posterior.output_error import ANY_TRIAL, OutputError, i
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, as_key, check_posterior
 from seatrial.estimation.posterior.record_posterior import starts_of
 from seatrial.estimation.posterior.replicate import motions, replicate
-from seatrial.estimation.prediction.pooled_coverage import MotionProducts, motion_products, shared_motion
-from seatrial.estimation.prediction.prediction_scores import Score, SlowNoise, score_channel
+from seatrial.estimation.prediction.prediction_scores import PredictedRun, Score, SlowNoise, score_channel
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.simulation.sensor_errors import (
     Sensor,
@@ -54,7 +53,6 @@ class Prediction:
         noise_sd: of each sensor's noise, SI, shape (m,).
         slow: what is slow in each sensor's noise; None where it is white.
         coefficient_sd: the part of `motion_sd` that is not process noise, SI, shape (n, m).
-        products: of each channel, what `shared_motion` needs of the motions under all draws.
         likelihood: that simulated.
         values: mean of each parameter, SI, those of the trial alone under the label `ANY_TRIAL`.
     """
@@ -66,7 +64,6 @@ class Prediction:
     noise_sd: Float[np.ndarray, " m"]
     slow: tuple[SlowNoise | None, ...]
     coefficient_sd: Float[np.ndarray, "n m"]
-    products: tuple[MotionProducts, ...]
     likelihood: OutputError | FilterError
     values: Mapping[str, float]
 
@@ -112,7 +109,13 @@ class Prediction:
     _repr_html_ = table_html
 
     def score(self, channel: str) -> Score:
-        """Return how well a measured channel was predicted.
+        """Return how well a measured channel was predicted; argument and errors as `run`."""
+        score = score_channel([self.run(channel)])
+        # Process noise correlates the residuals of a free simulation, also where it is right; the innovations of the filter test it.
+        return replace(score, white=1.0, sd_factor=1.0) if self.is_filtered else score
+
+    def run(self, channel: str) -> PredictedRun:
+        """Return a measured channel and its prediction, as scores of several runs together need them.
 
         Args:
             channel: one of `channels`.
@@ -128,18 +131,8 @@ class Prediction:
                 remedy="only channels of the posterior's sensors are predicted",
             )
         at = self.channels.index(channel)
-        score = score_channel(
-            self.record.time,
-            self.record.channel(channel),
-            self.mean[:, at],
-            self.motion_sd[:, at],
-            noise_sd=float(self.noise_sd[at]),
-            slow=self.slow[at],
-            coefficient_sd=self.coefficient_sd[:, at],
-            shared=shared_motion([self.products[at]]),
-        )
-        # Process noise correlates the residuals of a free simulation, also where it is right; the innovations of the filter test it.
-        return replace(score, white=1.0, sd_factor=1.0) if self.is_filtered else score
+        columns = (self.record.channel(channel), self.mean[:, at], self.motion_sd[:, at])
+        return PredictedRun(self.time, *columns, float(self.noise_sd[at]), self.slow[at], self.coefficient_sd[:, at])
 
 
 def predict(
@@ -182,7 +175,6 @@ def predict(
     motion_sd = outputs.std(axis=0)
     sensors = likelihood.output.simulator.sensors
     noise = np.sqrt((np.column_stack([noise_sd(sensor, values) for sensor in sensors]) ** 2).mean(axis=0))
-    measured = np.column_stack([record.channel(name) for name in likelihood.channels])
     return Prediction(
         record,
         likelihood.channels,
@@ -191,7 +183,6 @@ def predict(
         noise,
         tuple(slow_noise(sensor, values) for sensor in sensors),
         motion_sd if likelihood is likelihood.output else simulated(likelihood.output).std(axis=0),
-        tuple(motion_products(outputs, np.hypot(motion_sd, noise), measured)),
         likelihood,
         {name: float(np.mean(column)) for name, column in values.items()},
     )

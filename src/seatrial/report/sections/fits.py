@@ -19,8 +19,8 @@ from seatrial.estimation.prediction.fit_verdict import (
     MIN_EFFECTIVE_SAMPLES,
     NARROW,
     POOR,
+    Pooled,
 )
-from seatrial.estimation.prediction.pooled_coverage import Pooled
 from seatrial.messages.predictions import comparison_text, explained_text
 from seatrial.messages.render import statement
 from seatrial.report.drawing import draw, model_said, record_curves
@@ -191,10 +191,8 @@ def _row(fit: Fit) -> dict[str, Any]:
         "narrow": number and fit.coverage < NARROW,
         "variance": short(fit.variance, 2) if number else DASH,
         "pit": [round(min(3.0, share * len(fit.pit)), 2) for share in fit.pit],
-        "pit_distance": short(fit.pit_distance, 2) if number else DASH,
-        "correlation": short(fit.correlation, 2) if number else DASH,
+        "factor": short(fit.sd_factor, 2) if number else DASH,
         "white": _p_value(fit.white) if number else "",
-        "interval": short(fit.interval, 2),
         "samples": fit.samples,
         "effective": count_below(fit.effective, MIN_EFFECTIVE_SAMPLES),
     }
