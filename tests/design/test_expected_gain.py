@@ -182,20 +182,6 @@ def test_priors_whose_draws_diverge():
 
 
 @pytest.mark.parametrize(
-    ("belief", "control", "settings", "words"),
-    [
-        (INDEPENDENT[:1], PUSH, SMALL, "belief"),
-        (BELIEF, PUSH[1:], SMALL, "control"),
-        (BELIEF, PUSH, GainSettings(draws=10, outer=20), "settings"),
-        (BELIEF, PUSH, GainSettings(inner=7), "settings"),
-    ],
-)
-def test_what_does_not_fit(belief, control, settings, words):
-    with pytest.raises(InputError, match=words):
-        importance_gain(linear_plan(), belief, control, KEY, settings)
-
-
-@pytest.mark.parametrize(
     "prior",
     [PRIORS["uniform"], pytest.param(half_normal(2.0, upper=0.0), marks=pytest.mark.proof)],
     ids=["uniform", "half-normal"],

@@ -31,11 +31,10 @@ from scipy.special import logsumexp
 
 from seatrial.compiled.batching import map_lanes
 from seatrial.compiled.programs import program
-from seatrial.core.errors import InputError, NumericalError
+from seatrial.core.errors import NumericalError
 from seatrial.design.prior_belief import Belief, draw_z, entropies, log_priors, outputs_of, values_of
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.triangular import cholesky_of_array
 
 # Degrees of freedom of the multivariate t from which importance draws come: its tails are never lighter than those of
@@ -177,15 +176,12 @@ def importance_gain(
         settings: sizes; the first of the prior draws are those that are simulated with noise.
 
     Raises:
-        InputError: a belief or a control that does not fit the plan.
         NumericalError: the simulation diverges for some of the prior draws; it says how many.
 
     Returns:
         The gain. Its diagnostics hold `laplace`, the Laplace gain of the same draws, the `correction` to it with its error, and
         the effective inner draws of the median outer draw and of the one at the share `MAX_POOR_SHARE` from below.
     """
-    _check(plan, belief, control)
-    _check_sizes(settings)
     z, local = _local_gains(plan, belief, control, key, settings.draws)
     m, held = settings.outer, jax.device_put(np.asarray(control, float))
     key = jax.random.fold_in(key, 1)
@@ -373,33 +369,3 @@ def _refuse_divergence(belief: Belief, plan: TrialPlan, z: np.ndarray, finite: n
         f"the simulation diverges for {np.sum(~finite)} of {finite.size} draws from the prior, first at {at} (SI): the gain of this "
         "design is not defined; narrow the prior to damping that dissipates, or excite less"
     )
-
-
-def _check(plan: TrialPlan, belief: Belief, control: np.ndarray) -> None:
-    k = belief.mean.size if isinstance(belief, Gaussian) else len(belief)
-    if k != len(plan.names):
-        raise InputError(
-            "belief before the trial",
-            found=f"{k} coefficients",
-            expected=f"{len(plan.names)}: {', '.join(plan.names)}",
-            remedy="give the priors of the plan's coefficients in its order",
-        )
-    expected = (plan.step.shape[0], len(plan.commands))
-    if np.shape(control) != expected:
-        raise InputError(
-            "control",
-            found=f"shape {np.shape(control)}",
-            expected=f"{expected}: samples and controls",
-            remedy="sample the design at the plan's times",
-        )
-
-
-def _check_sizes(settings: GainSettings) -> None:
-    sizes = settings.draws, settings.outer, settings.inner
-    if not 2 <= settings.outer <= settings.draws or settings.inner < 2 or settings.inner % 2:
-        raise InputError(
-            "expected information gain, settings",
-            found="{} prior draws, {} outer, {} inner".format(*sizes),
-            expected="two outer draws at least, no more than prior draws, and an even number of inner ones",
-            remedy="leave them out for the usual sizes",
-        )

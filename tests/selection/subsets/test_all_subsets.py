@@ -159,8 +159,6 @@ def test_data_that_cannot_tell(how, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"always": ["z"]}, "terms of the library"),
-        ({"top": 0}, "best structures"),
         ({"rules": RuleMasks(parents=(0b10000,))}, "term number 5"),
         ({"rules": RuleMasks(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
         ({"rules": RuleMasks(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
@@ -169,21 +167,6 @@ def test_data_that_cannot_tell(how, said):
 def test_bad_question(options, said):
     with pytest.raises(InputError, match=said):
         all_subsets(problem(4)[2], some_prior(4), NAMES[:4], **options)
-
-
-@pytest.mark.parametrize(("names", "said"), [(("a", "b", "a", "c"), "a more than once"), (("a", "b"), "2 names")])
-def test_bad_names(names, said):
-    with pytest.raises(InputError, match=said):
-        all_subsets(problem(4)[2], some_prior(4), names)
-
-
-def test_bad_rows():
-    phi, y, _ = problem(4)
-    phi[7, 2] = np.nan
-    with pytest.raises(InputError, match=r"row 7(.|\n)*in 1 of 40 rows"):
-        gram(phi, y)
-    with pytest.raises(InputError, match="row for each measurement"):
-        gram(phi[:10], y)
 
 
 def test_numbers_out_of_range():

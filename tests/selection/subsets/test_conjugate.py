@@ -51,18 +51,6 @@ def test_against_the_multivariate_t_density(prior, terms):
     np.testing.assert_allclose(fit.cov, cov, rtol=1e-8)
 
 
-def test_trials_add_up():
-    phi, y, stats = problem(4)
-    both = gram(phi[:15], y[:15]) + gram(phi[15:], y[15:])
-    assert both.n == stats.n
-    np.testing.assert_allclose(both.matrix, stats.matrix, rtol=1e-12)
-    np.testing.assert_allclose(both.moment, stats.moment, rtol=1e-12)
-    assert both.square == pytest.approx(stats.square, rel=1e-12)
-    np.testing.assert_allclose(stats.moment, [sum(a * b for a, b in zip(column, y, strict=True)) for column in phi.T])
-    with pytest.raises(InputError, match="same regressors"):
-        stats + gram(phi[:, :2], y)
-
-
 def test_units_of_a_regressor_do_not_matter():
     phi, y, stats = problem(3)
     prior, unit = some_prior(3), np.array([1e3, 1.0, 1e-4])
@@ -72,28 +60,9 @@ def test_units_of_a_regressor_do_not_matter():
     np.testing.assert_allclose(one.mean, two.mean * unit, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "prior",
-    [
-        IndependentPrior(np.ones(2), 2.0, 1.0),
-        IndependentPrior(np.array([1.0, -1.0, 1.0]), 2.0, 1.0),
-        IndependentPrior(np.ones(3), 0.0, 1.0),
-        IndependentPrior(np.ones(3), 2.0, 1.0, np.ones(2)),
-        GPrior(-1.0, 2.0, 1.0),
-        GPrior(10.0, 2.0, np.inf),
-    ],
-    ids=str,
-)
-def test_bad_prior(prior):
-    with pytest.raises(InputError, match="expected"):
-        evidence_of(problem(3)[2], prior, (0,))
-
-
 def test_bad_physical_prior():
     with pytest.raises(InputError, match="prior sd"):
         physical_prior(np.array([1.0, 0.0]), 1.0)
-    with pytest.raises(InputError, match="noise"):
-        physical_prior(np.ones(2), 1.0, shape=1.0)
 
 
 def test_unit_information_is_one_measurement_and_expects_the_noise_that_is_given():

@@ -31,23 +31,6 @@ class Gram(NamedTuple):
     square: float
     n: int
 
-    def __add__(self, other: "Gram") -> "Gram":  # pyright: ignore[reportIncompatibleMethodOverride]
-        """Return the statistics of both trials together, of the same regressors and the same noise.
-
-        Raises:
-            InputError: different numbers of regressors.
-        """
-        if self.moment.shape != other.moment.shape:
-            raise InputError(
-                "statistics of two trials",
-                found=f"{self.moment.size} and {other.moment.size} regressors",
-                expected="the same regressors in the same order",
-                remedy="build both from the same list of terms",
-            )
-        return Gram(
-            self.matrix + other.matrix, self.moment + other.moment, self.square + other.square, self.n + other.n
-        )
-
 
 def gram(phi: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> Gram:
     """Return the statistics of one trial; errors of y are white and of one variance.
@@ -55,26 +38,7 @@ def gram(phi: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> Gram:
     Args:
         phi: regressors, a column for each term.
         y: response.
-
-    Raises:
-        InputError: shapes that do not fit, or values that are not finite.
     """
-    phi, y = np.asarray(phi, float), np.asarray(y, float)
-    if phi.ndim != 2 or y.shape != phi.shape[:1]:
-        raise InputError(
-            "linear regression",
-            found=f"regressors of shape {phi.shape} and a response of shape {y.shape}",
-            expected="shapes (n, k) and (n,)",
-            remedy="give a row for each measurement and a column for each term",
-        )
-    bad = np.flatnonzero(~(np.isfinite(phi).all(1) & np.isfinite(y)))
-    if bad.size:
-        raise InputError(
-            f"linear regression, row {bad[0]}",
-            found=f"a value that is not finite, in {bad.size} of {y.size} rows",
-            expected="numbers",
-            remedy="leave out rows in which a signal was not measured",
-        )
     return Gram(phi.T @ phi, phi.T @ y, float(y @ y), y.size)
 
 
@@ -82,10 +46,9 @@ def check_gram(stats: Gram, names: Sequence[str]) -> None:
     """Check that the data can tell the terms apart.
 
     Raises:
-        InputError: names missing or repeated, too few measurements, a regressor that is zero throughout, two in proportion,
+        InputError: too few measurements, a regressor that is zero throughout, two in proportion,
             or a combination of several that vanishes.
     """
-    _check_names(stats, names)
     if stats.n < max(len(names), 3):
         raise InputError(
             "linear regression",
@@ -113,24 +76,6 @@ def check_gram(stats: Gram, names: Sequence[str]) -> None:
         raise _cannot_tell(
             f"a combination of the regressors of {', '.join(involved)} vanishes (smallest eigenvalue {values[0]:.1e})",
             "leave out one of them, or run a trial over more speeds",
-        )
-
-
-def _check_names(stats: Gram, names: Sequence[str]) -> None:
-    if len(names) != stats.moment.size:
-        raise InputError(
-            "names of terms",
-            found=f"{len(names)} names",
-            expected=f"{stats.moment.size}, one for each regressor",
-            remedy="name every column, in order",
-        )
-    repeated = [name for name in dict.fromkeys(names) if list(names).count(name) > 1]
-    if repeated:
-        raise InputError(
-            "names of terms",
-            found=f"{', '.join(repeated)} more than once",
-            expected="each term once",
-            remedy="remove the repetition, and its column",
         )
 
 

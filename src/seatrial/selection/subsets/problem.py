@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError, NumericalError, nearest
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, check_rules
 from seatrial.selection.subsets.conjugate import Prior, evidence_constant
 from seatrial.selection.subsets.gram import Gram, check_gram
@@ -82,7 +82,6 @@ def check_candidates(
     names: Sequence[str],
     always: Sequence[str],
     rules: RuleMasks | None,
-    top: int,
 ) -> Candidates:
     """Check the arguments of `all_subsets`.
 
@@ -91,20 +90,12 @@ def check_candidates(
         names: of the terms, one for each column.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if None.
-        top: how many of the best structures to keep.
 
     Raises:
         InputError: any that cannot be used.
     """
     names = tuple(names)
     check_gram(stats, names)
-    if unknown := [name for name in always if name not in names]:
-        raise InputError(
-            "terms always there",
-            found=", ".join(unknown),
-            expected="terms of the library",
-            remedy=nearest(unknown[0], names),
-        )
     sure = [i for i, name in enumerate(names) if name in always]
     free = [i for i, name in enumerate(names) if name not in always]
     if len(free) > MOST_OPTIONAL or len(names) > MAX_TERMS:
@@ -116,8 +107,6 @@ def check_candidates(
         )
     if rules is not None:
         check_rules(rules, len(names))
-    if top < 1:
-        raise InputError("best structures", found=str(top), expected="at least 1", remedy="ask for some")
     return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 
@@ -131,7 +120,6 @@ def make_problem(stats: Gram, prior: Prior, always: Sequence[int], optional: Seq
         optional: numbers of the others.
 
     Raises:
-        InputError: prior of the wrong sign or size.
         NumericalError: prior and data so far apart that determinants overflow.
     """
     posterior, sure, free = prior.posterior(stats), np.asarray(always, int), np.asarray(optional, int)

@@ -142,7 +142,7 @@ def sample_subsets(
         NumericalError: as `all_subsets`.
     """
     rules = rules or RuleMasks()
-    candidates = _check_candidates(stats, names, always, rules, top)
+    candidates = _check_candidates(stats, names, always, rules)
     if chains < MIN_CHAINS or moves < MIN_MOVES:
         raise InputError(
             "sampling of structures",
@@ -302,9 +302,7 @@ def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Flo
         return np.where(between > 0, np.sqrt(1 + between / within), 1.0)
 
 
-def _check_candidates(
-    stats: Gram, names: Sequence[str], always: Sequence[str], rules: RuleMasks, top: int
-) -> Candidates:
+def _check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str], rules: RuleMasks) -> Candidates:
     """Return the question, checked."""
     if len(names) > MAX_TERMS:
         raise InputError(
@@ -314,7 +312,7 @@ def _check_candidates(
             remedy="drop some, or put one axis after the other to the question",
         )
     known = [name for name in names if name in always]
-    whole = check_candidates(stats, names, [*always, *names], rules, top)
+    whole = check_candidates(stats, names, [*always, *names], rules)
     free = [i for i, name in enumerate(whole.names) if name not in known]
     if not free:
         raise InputError(
