@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.errors import InputError
 from seatrial.selection.rules import TermLibrary, compile_rules, parse_rules
 from seatrial.selection.screening import TermPrior, screen, worth
 from seatrial.selection.subsets.gram import gram
@@ -96,16 +95,6 @@ def test_dependent_rows_count_for_what_they_are_worth():
     assert half.n == 20
     np.testing.assert_allclose(half.matrix, stats.matrix / 2)
     np.testing.assert_array_equal(worth(stats, 80.0).matrix, stats.matrix)
-
-
-def test_rules_of_other_terms_and_missing_priors_are_refused():
-    rules = compiled(library_of(SURGE, ("u", "n")), "never X_du3")
-    equations = [axis_equation("X", SURGE, MASS, DEDUCTION, trim={"u": TRIM_SPEED})]
-    with pytest.raises(InputError, match="only the equations or only the rules have: X_du3"):
-        screen(equations, rules, [surge_record(1)], {"u": SIGMA}, PRIOR, KEY)
-    rules = compiled(library_of(SURGE, ("u", "n")))
-    with pytest.raises(InputError, match="no prior of X_du3"):
-        screen(equations, rules, [surge_record(1)], {"u": SIGMA}, {k: PRIOR[k] for k in SURGE[:3]}, KEY)
 
 
 @pytest.mark.parametrize(

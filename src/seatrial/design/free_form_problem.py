@@ -129,10 +129,9 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
         The bounds of the motion, each with its distance from the course at trim.
 
     Raises:
-        InputError: limits that admit nothing, naming the two that conflict and by how much, or settings that do not fit the vehicle.
+        InputError: limits that admit nothing, naming the two that conflict and by how much.
         NumericalError: the vehicle diverges at trim.
     """
-    _check_fit(problem)
     _check_control(problem)
     still = np.zeros((1, problem.form.size))
     course = Course(
@@ -151,32 +150,6 @@ def check_problem(problem: FreeFormProblem) -> tuple[Room, ...]:
                 rooms.append(room._replace(scale=max(left, 1e-3 * abs(bound), 1e-9)))
     _check_trim(problem, np.array(inside), [room.name for room in rooms])
     return tuple(rooms)
-
-
-def _check_fit(problem: FreeFormProblem) -> None:
-    plan, form, k = problem.plan, problem.form, len(problem.plan.names)
-    shapes = np.shape(problem.points), np.shape(problem.prior_cov), problem.safe_for.shape
-    fits = len(shapes[0]) == len(shapes[2]) == 2 and shapes[0][1] == shapes[2][1] == k and shapes[1] == (k, k)
-    missing = [name for name in plan.commands if name != form.control and name not in problem.held]
-    duration = float(np.sum(plan.step))
-    positive = fits and np.all(np.linalg.eigvalsh(np.asarray(problem.prior_cov, float)) > 0)
-    for holds, what, result, expected in (
-        (form.control in plan.commands, "control", form.control, "one of " + ", ".join(plan.commands)),
-        (not missing, "held", "nothing for " + ", ".join(missing), "the trim value of every other control"),
-        (fits, "coefficients", f"shapes {shapes}", f"points (P, {k}), prior covariance ({k}, {k}), draws (S, {k})"),
-        (positive, "prior_cov", "an eigenvalue of 0 or less", "a positive definite covariance"),
-        (0 <= problem.risk < 1, "risk", f"{problem.risk:g}", "a share from 0 to below 1"),
-        (
-            abs(duration - form.duration) <= 1e-6 * form.duration,
-            "duration",
-            f"{form.duration:g} s of the input, {duration:g} s of the plan",
-            "the same duration",
-        ),
-    ):
-        if not holds:
-            raise InputError(
-                f"free-form design, {what}", found=result, expected=expected, remedy="correct this setting"
-            )
 
 
 def _check_control(problem: FreeFormProblem) -> None:

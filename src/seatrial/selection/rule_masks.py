@@ -199,21 +199,6 @@ def count_allowed(rules: RuleMasks, sure: Sequence[int], n_terms: int) -> int:
     return decide((1 << n_terms) - 1, sum(1 << i for i in sure), True)
 
 
-def check_rules(rules: RuleMasks, n_terms: int) -> None:
-    """Check that the rules speak of terms that exist.
-
-    Raises:
-        InputError: they do not.
-    """
-    if rules.n_terms > n_terms:
-        raise InputError(
-            "rules of the structures",
-            found=f"a rule about term number {rules.n_terms}",
-            expected=f"terms 1 to {n_terms}",
-            remedy="write the rules over the same terms, in the same order",
-        )
-
-
 def no_structure() -> InputError:
     """Return what to raise where no structure keeps all rules."""
     return InputError(

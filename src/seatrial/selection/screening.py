@@ -148,10 +148,9 @@ def screen(
         g: of a g-prior about zero in place of `prior`; "rows" for as many as the rows are worth, the information of one of them.
 
     Raises:
-        InputError: rules for other terms, a term without a prior, or rows that cannot tell the terms apart.
+        InputError: rows that cannot tell the terms apart.
     """
     names = (*rules.optional, *rules.always)
-    _check(names, rules, equations, prior)
     rows, fit = independent_rows(equations, records, noise, narrowest)
     columns = [rows.names.index(name) for name in names]
     stats = worth(gram(rows.design[:, columns], rows.target), float(fit.effective.sum()))
@@ -175,28 +174,6 @@ def worth(stats: Gram, rows: float) -> Gram:
     """Return the statistics that say as much as this many independent rows."""
     share = min(rows / stats.n, 1.0)
     return Gram(share * stats.matrix, share * stats.moment, share * stats.square, max(round(share * stats.n), 1))
-
-
-def _check(
-    names: Sequence[str], rules: CompiledRules, equations: Sequence[AxisEquation], prior: Mapping[str, TermPrior]
-) -> None:
-    sought = {term.text for equation in equations for term in equation.terms}
-    if sought != set(names):
-        odd = sorted(sought.symmetric_difference(names))
-        raise InputError(
-            "screening",
-            found=f"terms that only the equations or only the rules have: {', '.join(odd)}",
-            expected="rules compiled for the terms of the equations, those never there left out",
-            remedy="build both from one library",
-        )
-    missing = [name for name in names if name not in prior]
-    if missing:
-        raise InputError(
-            "screening",
-            found=f"no prior of {', '.join(missing)}",
-            expected="a mean and a standard deviation of each term's coefficient",
-            remedy="say what order of magnitude each coefficient may have",
-        )
 
 
 # Which terms do the data support, of a vehicle whose axes are coupled: every structure, in closed form, about the mode of all terms.

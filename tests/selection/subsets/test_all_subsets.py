@@ -159,7 +159,6 @@ def test_data_that_cannot_tell(how, said):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"rules": RuleMasks(parents=(0b10000,))}, "term number 5"),
         ({"rules": RuleMasks(exclusive=(0b11,)), "always": ["a", "b"]}, "no structure that keeps them all"),
         ({"rules": RuleMasks(parents=(0b10,), exclusive=(0b11,)), "always": ["a"]}, "no structure that keeps them all"),
     ],

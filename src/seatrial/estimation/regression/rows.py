@@ -163,12 +163,11 @@ def whitened_rows(
         noise: standard deviation of every measured channel that the rows use, in the channel's unit.
 
     Raises:
-        InputError: noise of a channel not given, two equations of one axis, fewer rows than needed, or regressors that
+        InputError: noise of a channel not given, fewer rows than needed, or regressors that
             cannot be told apart.
     """
     equations, trials = tuple(equations), tuple(trials)
     names = coefficient_names(equations)
-    _check_axes(equations)
     for trial in trials:
         check_noise(equations, trial, noise)
     raw = [raw_rows(equations, trial) for trial in trials]
@@ -353,17 +352,6 @@ def _force_density(
 
     best, least, *_ = scipy.optimize.fminbound(loss, *LOG_SHARES, xtol=0.05, full_output=True)
     return float(equal * np.exp(best)) if least < loss(-np.inf) else 0.0
-
-
-def _check_axes(equations: Sequence[AxisEquation]) -> None:
-    axes = [equation.axis for equation in equations]
-    if len(set(axes)) < len(axes) or not axes:
-        raise InputError(
-            "equations",
-            found=f"axes {', '.join(axes)}" if axes else "none",
-            expected="at least one, each axis once",
-            remedy="put all terms of an axis into one equation",
-        )
 
 
 def _joined(parts: Sequence[RawRows]) -> RawRows:

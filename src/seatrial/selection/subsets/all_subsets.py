@@ -306,7 +306,7 @@ def all_subsets(
         InputError: terms that the data cannot tell apart, too few data, too many optional terms, or rules that no structure keeps.
         NumericalError: a structure that leaves no noise, or numbers out of range.
     """
-    candidates = check_candidates(stats, names, always, rules)
+    candidates = check_candidates(stats, names, always)
     free = candidates.free
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
     problem, best = make_problem(stats, prior, candidates.sure, free), Best(top)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, check_rules
+from seatrial.selection.rule_masks import MAX_TERMS
 from seatrial.selection.subsets.conjugate import Prior, evidence_constant
 from seatrial.selection.subsets.gram import Gram, check_gram
 
@@ -81,7 +81,6 @@ def check_candidates(
     stats: Gram,
     names: Sequence[str],
     always: Sequence[str],
-    rules: RuleMasks | None,
 ) -> Candidates:
     """Check the arguments of `all_subsets`.
 
@@ -89,7 +88,6 @@ def check_candidates(
         stats: of the regression on all terms.
         names: of the terms, one for each column.
         always: terms in every structure.
-        rules: which structures are allowed, over `names`; all, if None.
 
     Raises:
         InputError: any that cannot be used.
@@ -105,8 +103,6 @@ def check_candidates(
             expected=f"at most {MOST_OPTIONAL} optional terms, and {MAX_TERMS} in all, to visit every structure",
             remedy="move terms that are certain to `always`, drop some, or use a sampler over structures",
         )
-    if rules is not None:
-        check_rules(rules, len(names))
     return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 

@@ -43,7 +43,6 @@ from seatrial.selection.subsets.structure_chains import (
 MAX_PRESENCE_R_HAT = 1.05
 # Probability that these best structures must hold together for averages over them to stand for all.
 MIN_HELD_PROBABILITY, BEST_COUNT = 0.99, 4096
-MIN_CHAINS, MIN_MOVES = 4, 400
 MIN_LADDERS = 8  # Chains at least where each has a ladder
 LOOK_INTERVAL = 5  # Moves between two looks at the coefficients
 
@@ -138,18 +137,11 @@ def sample_subsets(
         moves: of each chain, the first quarter of them warm-up.
 
     Raises:
-        InputError: as `all_subsets`, but for the number of optional terms; no optional term; too few chains or moves.
+        InputError: as `all_subsets`, but for the number of optional terms.
         NumericalError: as `all_subsets`.
     """
     rules = rules or RuleMasks()
-    candidates = _check_candidates(stats, names, always, rules)
-    if chains < MIN_CHAINS or moves < MIN_MOVES:
-        raise InputError(
-            "sampling of structures",
-            found=f"{chains} chains of {moves} moves",
-            expected=f"at least {MIN_CHAINS} chains of {MIN_MOVES} moves",
-            remedy="errors come from the spread of the chains: give more",
-        )
+    candidates = _check_candidates(stats, names, always)
     certain, _ = rules.links(len(candidates.names)).decided(int(candidates.certain))
     if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
@@ -302,7 +294,7 @@ def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Flo
         return np.where(between > 0, np.sqrt(1 + between / within), 1.0)
 
 
-def _check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str], rules: RuleMasks) -> Candidates:
+def _check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -> Candidates:
     """Return the question, checked."""
     if len(names) > MAX_TERMS:
         raise InputError(
@@ -312,15 +304,8 @@ def _check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str], 
             remedy="drop some, or put one axis after the other to the question",
         )
     known = [name for name in names if name in always]
-    whole = check_candidates(stats, names, [*always, *names], rules)
+    whole = check_candidates(stats, names, [*always, *names])
     free = [i for i, name in enumerate(whole.names) if name not in known]
-    if not free:
-        raise InputError(
-            "library of terms",
-            found="no optional term",
-            expected="at least one",
-            remedy="there is one structure only: `evidence_of` gives its evidence",
-        )
     sure = [i for i, name in enumerate(whole.names) if name in known]
     return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
