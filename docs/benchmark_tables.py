@@ -67,7 +67,7 @@ def table(result: dict) -> str:
 
 def _score(score: dict) -> str:
     """Share explained and CRPS."""
-    return "diverges" if score["crps"] is None else f"{score['explained']:.1%}, {score['crps']:.3g}"
+    return "diverges" if score["crps"] is None else f"{score['explained']:.1%}, {score['crps']:.4g}"
 
 
 def _band(score: dict) -> str:

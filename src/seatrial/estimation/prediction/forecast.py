@@ -67,7 +67,7 @@ MAX_DRAWS = 20
 # The set for runs in which the model is wrong by more: sensor errors over the size of the motion, forces over those found, and memory over
 # the horizon.
 WIDE_ERROR, WIDE_FORCE, LONG = 0.2, 0.1, 5.0
-# Power of the inverse of scores by which forecasts are weighed: of 2, 4, 8 and 16 the one that forecast fitted runs of two ships best.
+# Power of the inverse of scores by which forecasts are weighed; chosen from 2, 4, 8 and 16 by forecasts of fitted runs of two ships.
 SHARPNESS = 8.0
 FITTED_SETS = 2  # Sets that are not wide
 PAST = 6  # Forecasts before the first that is asked for, by which sets are weighed
