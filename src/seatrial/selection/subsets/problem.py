@@ -77,12 +77,8 @@ class Averages(NamedTuple):
     between: Float[np.ndarray, "d d"]
 
 
-def check_candidates(
-    stats: Gram,
-    names: Sequence[str],
-    always: Sequence[str],
-) -> Candidates:
-    """Check the arguments of `all_subsets`.
+def check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -> Candidates:
+    """Return the question, checked.
 
     Args:
         stats: of the regression on all terms.
@@ -90,18 +86,18 @@ def check_candidates(
         always: terms in every structure.
 
     Raises:
-        InputError: any that cannot be used.
+        InputError: terms that the data cannot tell apart, or too many.
     """
     names = tuple(names)
     check_gram(stats, names)
     sure = [i for i, name in enumerate(names) if name in always]
     free = [i for i, name in enumerate(names) if name not in always]
-    if len(free) > MOST_OPTIONAL or len(names) > MAX_TERMS:
+    if len(names) > MAX_TERMS:
         raise InputError(
             "library of terms",
-            found=f"{len(free)} optional terms of {len(names)}, 2^{len(free)} structures",
-            expected=f"at most {MOST_OPTIONAL} optional terms, and {MAX_TERMS} in all, to visit every structure",
-            remedy="move terms that are certain to `always`, drop some, or use a sampler over structures",
+            found=f"{len(names)} terms",
+            expected=f"at most {MAX_TERMS}, the bits of a number",
+            remedy="drop some, or put one axis after the other to the question",
         )
     return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt64
 
-from seatrial.core.errors import InputError
 from seatrial.selection.rule_masks import MAX_TERMS, RuleMasks, bits, count_allowed, no_structure
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.average import MonteCarlo, SubsetPosterior
@@ -137,11 +136,11 @@ def sample_subsets(
         moves: of each chain, the first quarter of them warm-up.
 
     Raises:
-        InputError: as `all_subsets`, but for the number of optional terms.
+        InputError: as `all_subsets`.
         NumericalError: as `all_subsets`.
     """
     rules = rules or RuleMasks()
-    candidates = _check_candidates(stats, names, always)
+    candidates = check_candidates(stats, names, always)
     certain, _ = rules.links(len(candidates.names)).decided(int(candidates.certain))
     if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
@@ -292,22 +291,6 @@ def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Flo
     within, between = (means * (1 - means)).mean(0), means.var(0, ddof=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(between > 0, np.sqrt(1 + between / within), 1.0)
-
-
-def _check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -> Candidates:
-    """Return the question, checked."""
-    if len(names) > MAX_TERMS:
-        raise InputError(
-            "library of terms",
-            found=f"{len(names)} terms",
-            expected=f"at most {MAX_TERMS}, the bits of a number",
-            remedy="drop some, or put one axis after the other to the question",
-        )
-    known = [name for name in names if name in always]
-    whole = check_candidates(stats, names, [*always, *names])
-    free = [i for i, name in enumerate(whole.names) if name not in known]
-    sure = [i for i, name in enumerate(whole.names) if name in known]
-    return Candidates(whole.names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 
 def _by_visits(candidates: Candidates, problem: Problem, seen: Visits, owner: np.ndarray, moves: int) -> dict[str, Any]:
