@@ -9,8 +9,10 @@ from seatrial.compiled import batching as lanes
 from seatrial.compiled import engine
 from seatrial.compiled.batching import backend, lanes_at_once, map_in_step, map_lanes
 from seatrial.design.sweep import in_blocks, sweep_family
+from seatrial.estimation.posterior.output_error import output_error
 from seatrial.estimation.posterior.pointwise import pointwise_log_likelihood
 from seatrial.estimation.posterior.slopes import likelihood_slopes
+from seatrial.estimation.priors import Uniform
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.sampling.target import evaluate
@@ -18,11 +20,9 @@ from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 from seatrial.selection.criteria import deviances
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.simulate import simulate
-from studies.remus100.prior_monte_carlo import log_likelihoods
-from studies.remus100.tests.test_prior_monte_carlo import surge
-from tests.cases import RPM
+from tests.cases import RPM, TRUTH, U0, paper_model
 from tests.design.test_sweep import SHORT, paper_space
-from tests.estimation_cases import short_posterior
+from tests.estimation_cases import make_trial, naive_doublets, naive_speed, posterior, short_posterior
 
 KEY = jax.random.key(5)
 SAMPLES = 1000
@@ -140,9 +140,24 @@ def test_few_things_in_a_step(accelerator):
     assert "scan" not in str(jax.make_jaxpr(lambda x: map_in_step(jnp.sin, x))(x))
 
 
+def surge():
+    """Two trials of unequal length, with samples missing, two channels and unknown noise, under wide priors."""
+    records, rng = [], np.random.default_rng(3)
+    for label, n, start in (("a", 730, U0), ("b", 410, 1.2)):
+        time = np.arange(n) * 0.02
+        rev_per_s = naive_doublets(time, 200, 4, active=8)
+        speed = naive_speed(rev_per_s, np.full(n, 0.02), start) + 0.05 * rng.normal(size=n)
+        speed[100:130] = np.nan
+        records.append(make_trial(time, rev_per_s, label, u=speed, udot=0.1 * rng.normal(size=n)))
+    free = "X_u", "T_nabsn"
+    likelihood, data = output_error(paper_model(*free), records, ["u", "udot"], [[U0], [1.2]])
+    priors = {name: Uniform(*(0.5 * TRUTH[name] + side * abs(TRUTH[name]) for side in (-2, 2))) for name in free}
+    return posterior({**priors, "sigma_u": Uniform(0.0, 0.1), "sigma_udot": Uniform(0.0, 0.3)}, likelihood, data)
+
+
 def densities():
     """Densities, deviances and densities of single measurements at 300 draws of the prior of a surge posterior."""
-    target = surge("X_u", "T_nabsn")
+    target = surge()
     z = target.sample_prior(KEY, 300)
     values = jax.vmap(target.constrain)(z)
     return (
@@ -154,16 +169,8 @@ def densities():
 
 def slopes():
     """Likelihood, gradient and information at a draw."""
-    target = surge("X_u", "T_nabsn")
+    target = surge()
     return tuple(map(np.asarray, likelihood_slopes(target, target.constrain(target.sample_prior(KEY, 1)[0]))))
-
-
-def early():
-    """Likelihoods of draws of which most stop early, the same ones however they are grouped."""
-    target = surge("X_u", "T_nabsn")
-    found = log_likelihoods(target, jax.vmap(target.constrain)(target.sample_prior(KEY, 300)))
-    assert 0 < np.isfinite(found).sum() < 100
-    return (found,)
 
 
 def sweep_of(method):
@@ -184,7 +191,6 @@ def whole_vehicle():
 
 CASES = {
     "densities": densities,
-    "early stops": early,
     "sweep": lambda: sweep_of(None),
     "slopes": slopes,
     "sweep, sigma points in a loop": lambda: sweep_of(UnscentedKalmanFilter()),
