@@ -74,13 +74,14 @@ def _missing(values: Mapping[str, Any]) -> str:
     error = f" ± {values['sd']:.1g}" if values["sd"] else ""  # a force of many columns has no one size
     size = f"{values['size']:.2g}{error} {values['unit']}".removesuffix(" 1")
     ((kind, of),) = values["effects"]
+    shift = f"{abs(values['shift']):.{3 if abs(values['shift']) >= 100 else 2}g}"
     if kind == "smooth force":
         missing = f"forces along {of} depart from their formulas by about {percent(values['size'])}{alike}: with that"
     else:
         missing = (
             f"the model lacks {effect_names(values['effects'])}{MEASURES.get(kind, ' of about')} {size}{alike}: with it"
         )
-    return f"{missing} {{subject[0]}} would move by {abs(values['shift']):.2g} standard deviations of noise, which its ± contains"
+    return f"{missing} {{subject[0]}} would move by {shift} standard deviations of noise, which its ± contains"
 
 
 def _main(values: Mapping[str, Any]) -> str:
@@ -147,11 +148,11 @@ ENTRIES = {
     ),
     "model-describes-nothing": Entry(
         title="Model describes nothing",
-        sentence="this model does not describe the vehicle: it leaves nearly the whole motion as slow residuals, so each ± is that of the "
-        "prior",
+        sentence="this model does not describe the vehicle: it leaves most of the motion as slow residuals, so each ± is as far as "
+        "the prior reaches",
         meaning="The coefficients are not estimated: a channel, a sign, a unit or the vehicle is not the one of the model.",
-        decided="With the best of the effects that were tried, slow residuals have more than {MAX_LEFT:.0%} of the variance of each "
-        "channel.",
+        decided="With the best of the effects, but for forces that depart from formulas, slow residuals have more than "
+        "{MAX_LEFT:.0%} of the variance of each channel.",
         example=Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",)),
         remedies=("check-inputs",),
     ),
@@ -255,8 +256,9 @@ def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
     inputs = listed([one for kind, one in words.items() if kind in kinds])
     parts = [f"errors of stated inputs ({inputs}); "] if inputs else []
     parts += [f"errors of the formulas of forces ({percent(stated.force)}); "] if stated.force else []
+    runs = "differences between runs; " if any(one.kind == "run force" for one in budget.tried) else ""
     return (
-        f"± contains noise, also slow noise; {''.join(parts)}differences between runs; and {len(budget.tried)} effects that the model may "
+        f"± contains noise, also slow noise; {''.join(parts)}{runs}and {len(budget.tried)} effects that the model may "
         f"lack. {'' if inputs else 'Stated inputs are taken as exact. '}Other effects can move values further."
     )
 

@@ -67,7 +67,7 @@ ENTRIES = {
     ),
     "at-prior-bound": Entry(
         title="Mode at a bound of its prior",
-        sentence="{subject[0]} lies at the bound {value:.4g} {unit} of its prior: the prior decides as much as the data",
+        sentence="{subject[0]} lies at the bound {value:.4g} {unit} of its prior: the bound sets value and ±, not the data",
         meaning="The bound sets the value, not the data.",
         decided="The mode lies within {MAX_BESIDE:.1%} of the width of the prior from a bound, or within {EDGE:.0%} of it and within "
         "{MAX_REACH_SDS:g} standard deviations.",

@@ -65,7 +65,7 @@ class Omitted(NamedTuple):
         effect: which.
         size: its estimated size, in its own unit.
         sd: standard error of the size.
-        log_odds: that it is there.
+        log_odds: that it is there, or one of those alike.
         shift: by how much the parameters would move if it were added, over their standard deviations, shape (k,).
         alike: effects that may be there in its place.
     """
@@ -91,8 +91,8 @@ class ErrorBudget:
         tried: effects that were looked for; none where the likelihood has process noise, or is one's own.
         stated: of each stated source but the smooth force its value after the data and its standard deviation, over the one stated.
         slow: channels whose residuals are slow although their noise is taken as white.
-        describes: whether the best set leaves less than slow residuals of nearly the whole variance on some channel; where not, each
-            standard deviation is that of the prior.
+        describes: whether the best set without a smooth force leaves less than slow residuals of most of the variance on some channel;
+            where not, each standard deviation is as far as the prior reaches.
         farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
             prior alone.
         values: at the mode, SI, shape (k,).
@@ -194,6 +194,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     sd = np.where(slope > MIN_SLOPE, np.sqrt(np.diag(mode.cov)) * slope, np.inf)
     moving = {place: k for k, place in enumerate(model.moving)}
     ratio, shares = np.ones(len(names)), shares.copy()
+    # A smooth force could follow any motion.
+    plain = next(one for one in members if not {i for i, _ in one.chosen} & model.smooth)
+    describes = model.describes(plain, posterior.data.channels)
     weight = np.exp([one.log_density - members[0].log_density for one in members])
     members, weight = members[: (kept := int((weight > MIN_WEIGHT).sum()))], weight[:kept] / weight[:kept].sum()
     widened = model.with_force(stated.force, members)
@@ -212,9 +215,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
     slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
-    after, describes = model.after(members[0]), model.describes(members[0], posterior.data.channels)
+    after = model.after(members[0])
     if not describes:
-        ratio = np.full(len(names), np.inf)
+        ratio, shares = np.full(len(names), np.inf), np.repeat(np.array([[0.0], [0.0], [0.0], [1.0]]), len(names), 1)
     return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, after, slow, describes, farthest, *at_mode)
 
 
@@ -317,9 +320,11 @@ def _omitted(
         rivals = {
             j: float(weight[[j in one and i not in one for one in within]].sum()) for j in model.options if j != i
         }
-        alike = tuple(model.sources[j].effect for j in rivals if rivals[j] > MIN_ALIKE_SHARE)
-        log_odds = float(np.log(probability) - np.log(max(1.0 - probability, TINY)))
-        result.append(Omitted(source.effect, size, error, log_odds, shift, alike))
+        alike = [j for j in rivals if rivals[j] > MIN_ALIKE_SHARE]
+        either = float(weight[[not one.isdisjoint({i, *alike}) for one in within]].sum())
+        log_odds = float(np.log(either) - np.log(max(1.0 - either, TINY)))
+        rival_effects = tuple(model.sources[j].effect for j in alike)
+        result.append(Omitted(source.effect, size, error, log_odds, shift, rival_effects))
     return tuple(sorted(result, key=lambda one: -one.log_odds))
 
 

@@ -53,7 +53,7 @@ NEAR_SIZES = 3  # Sizes of a source that are tried beside others
 MIN_LOG_SHARE = -6.0  # Log probability of such a set, over that of the best
 # Rounds in which the noise of a set is found at most, and the gain that ends them.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
-MAX_LEFT = 0.8  # Share of the variance of each channel that slow residuals leave from which a model describes nothing
+MAX_LEFT = 0.5  # Share of the variance of each channel that slow residuals leave from which a model describes nothing
 TINY = float(np.finfo(float).tiny)
 LOG_ROOT = 0.5 * float(np.log(2.0 * np.pi))
 # Distances in z from a bound: within which the motion is not linearised, and from which on a prior has no bend; and least
@@ -139,6 +139,7 @@ class LinearModel:
         self.curvature = np.maximum(-prior[2], TINY)
         self.peak = clear[self.moving] + prior[1] / self.curvature
         self.height = prior[0] + 0.5 * prior[1] ** 2 / self.curvature
+        self.smooth = {i for i, one in enumerate(self.sources) if one.effect.kind == SMOOTH}
         self.options = self._options({one.name: one.prior for one in posterior.parameters})
 
     def _options(self, priors: Mapping[str, Prior]) -> dict[int, list[Option]]:
@@ -267,9 +268,7 @@ class LinearModel:
 
     def with_force(self, share: float, members: Sequence[Member]) -> list[Member]:
         """Return sets of sources with a stated smooth force of this share along each axis, unless the set has one."""
-        smooth = {
-            i: Option(0.0, share, 0.0) for i, one in enumerate(self.sources) if one.effect.kind == SMOOTH and share
-        }
+        smooth = {i: Option(0.0, share, 0.0) for i in self.smooth if share}
         result = self.members([{**smooth, **dict(one.chosen)} for one in members])
         return [one._replace(chosen=before.chosen) for one, before in zip(result, members, strict=True)]
 
@@ -307,7 +306,7 @@ class LinearModel:
         return result
 
     def describes(self, member: Member, channels: Sequence[ChannelData]) -> bool:
-        """Whether a set leaves less than slow residuals of nearly the whole variance of some channel, about the mean of each run."""
+        """Whether a set leaves less than slow residuals of most of the variance of some channel, about the mean of each run."""
         k, away = len(self.moving), np.zeros(1 + len(self.moving) + self.at.sizes.size)
         away[0], away[1 : 1 + k], away[1 + k + member.columns] = 1.0, -member.values[:k], -member.values[k:]
         for (_, shapes), channel, (shape, _) in zip(self.channels, channels, member.noise, strict=True):
