@@ -16,6 +16,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.model_error import (
     causes_of,
     contradictions,
+    describes_nothing,
     findings_of,
     left_out,
     stated_errors,
@@ -63,7 +64,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with all errors in its standard deviations, findings about bounds, and the effects tried",
+        "posterior, with all errors in its standard deviations, cut at bounds, and the effects tried",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.estimation, campaign.seed),
     )
@@ -268,7 +269,7 @@ def _estimate(
     return Estimate(
         structure,
         data,
-        alarms=tuple(sentences([*chain_findings(names, health), *draws.faults()])),
+        alarms=tuple(sentences([*chain_findings(names, health), *draws.faults(), *describes_nothing(budget)])),
         cautions=tuple(cautions),
         at_bounds=tuple(sentences(mode.at_bounds)),
         left_out=missing,

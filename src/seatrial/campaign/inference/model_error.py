@@ -99,9 +99,14 @@ def findings_of(posterior: Posterior, budget: ErrorBudget) -> list[Finding]:
     ]
 
 
+def describes_nothing(budget: ErrorBudget) -> list[Finding]:
+    """Return the alarm of a model that leaves most of the motion as slow residuals; none of another."""
+    return [] if budget.describes else [Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",))]
+
+
 def contradictions(budget: ErrorBudget, stated: StatedErrors) -> list[Finding]:
-    """Return whether the model describes the motion, and which stated inputs the data contradict."""
-    result = [] if budget.describes else [Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",))]
+    """Return which stated inputs the data contradict."""
+    result = []
     for effect, (size, sd) in budget.stated.items():
         one = float(getattr(stated, effect.kind))
         if abs(size) > MIN_CONTRADICTION:

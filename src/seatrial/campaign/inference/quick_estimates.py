@@ -25,7 +25,14 @@ from seatrial.campaign.inference.judge_predictions import (
     predict_held_back,
     predictions_of,
 )
-from seatrial.campaign.inference.model_error import causes_of, contradictions, findings_of, left_out, stated_errors
+from seatrial.campaign.inference.model_error import (
+    causes_of,
+    contradictions,
+    describes_nothing,
+    findings_of,
+    left_out,
+    stated_errors,
+)
 from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
 from seatrial.campaign.inference.posterior import is_whole
 from seatrial.campaign.store.estimates import StoredMode
@@ -253,7 +260,7 @@ def _answer(
         + prior_contradictions(posterior, mode)
         + (long_steps(posterior, whole, study.records) if budget else [])
         + [*missing]
-        + (contradictions(budget, stated) if budget else [])
+        + ([*contradictions(budget, stated), *describes_nothing(budget)] if budget else [])
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)

@@ -209,8 +209,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
     doubts += held_back_cautions(campaign.imports, trials)
     doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
-    doubts += [text for text in estimates[0].cautions if text not in verdicts]
-    return answer.finish(*_by_gravity(alarms + unseen, doubts))
+    return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in verdicts)])
 
 
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
@@ -236,6 +235,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         regressions,
     )
     from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.core.findings import Finding
 
     flow = Workflow(campaign, reporter)
     trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
@@ -259,14 +259,9 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         [one.held_back for one in tested],
     )
     doubts += held_back_cautions(campaign.imports, trials) if by is By.MODE else []
-    doubts += [text for one in answers for text in one.cautions]
-    return answer.finish(*_by_gravity(alarms + unseen, doubts))
-
-
-def _by_gravity(alarms: list[Any], cautions: list[Any]) -> tuple[list[Any], list[Any]]:
-    """Return alarms and cautions, with the findings among these that are alarms moved to those."""
-    grave = [one for one in cautions if getattr(one, "level", "") == "alarm"]
-    return alarms + grave, [one for one in cautions if one not in grave]
+    of_answers = [text for one in answers for text in one.cautions]
+    grave = [one for one in of_answers if isinstance(one, Finding) and one.level == "alarm"]
+    return answer.finish([*alarms, *unseen, *grave], [*doubts, *(one for one in of_answers if one not in grave)])
 
 
 def _first_answer(one: Any) -> dict[str, Any]:

@@ -306,18 +306,16 @@ class LinearModel:
         return result
 
     def describes(self, member: Member, channels: Sequence[ChannelData]) -> bool:
-        """Whether a set leaves less than slow residuals of most of the variance of some channel, about the mean of each run."""
+        """Return whether a set leaves less than slow residuals of most of the variance of some channel, about the mean of each run."""
         k, away = len(self.moving), np.zeros(1 + len(self.moving) + self.at.sizes.size)
         away[0], away[1 : 1 + k], away[1 + k + member.columns] = 1.0, -member.values[:k], -member.values[k:]
         for (_, shapes), channel, (shape, _) in zip(self.channels, channels, member.noise, strict=True):
             here, y = (np.asarray(one, float) for one in (channel.present, channel.measured))
             mean = (here * y).sum(1, keepdims=True) / np.maximum(here.sum(1, keepdims=True), 1.0)
-            white = [i for i, one in enumerate(shapes) if one.log_sd == 0.0]
-            if (
-                not white
-                or shape in white
-                or away @ shapes[white[0]].products @ away < MAX_LEFT * np.sum(here * (y - mean) ** 2)
-            ):
+            white = next((i for i, one in enumerate(shapes) if one.log_sd == 0.0), None)
+            if white in (None, shape):
+                return True
+            if away @ shapes[white].products @ away < MAX_LEFT * np.sum(here * (y - mean) ** 2):
                 return True
         return False
 
