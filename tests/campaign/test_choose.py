@@ -33,16 +33,17 @@ def selection_of(folder: Path, monkeypatch, full, without):
     return select_structure(campaign, trials)
 
 
-@pytest.mark.proof
-def test_a_structure_that_is_hopelessly_behind_is_given_up(tmp_path, monkeypatch):
-    """Its peak is twelve standard deviations of the prior away: 72 nats; one repeat and importance sampling know that, and are right."""
+def test_what_decides_nothing_is_not_checked(tmp_path, monkeypatch):
+    """Its peak is twelve standard deviations of the prior away: 72 nats, which importance sampling alone finds."""
     (full, exact), (without, other) = one_peak(), peaks((12.0, 12.0))
     found = selection_of(tmp_path, monkeypatch, full, without)
     assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
-    assert list(found.evidences[1].diagnostics["methods"]) == ["importance"]
-    assert "alone: tempered SMC, run once, finds it 7" in agreement_words(found.evidences[1])
-    assert agreement_counts(["M-0", "M-1"], found.evidences) == (
-        "Importance sampling and tempered SMC agree on 1 of 2 evidences; 1 is so far behind that one repeat of tempered SMC was enough."
+    assert [list(one.diagnostics["methods"]) for one in found.evidences] == [["importance"]] * 2
+    assert agreement_words(found.evidences[1], found.rows[1].log_evidence_needed) == (
+        "by importance sampling, with no other method asked; a decision on a term changes if it is wrong by 69 nat"
+    )
+    assert agreement_counts(["M-0", "M-1"], found.evidences).startswith(
+        "Importance sampling gave every evidence. No other"
     )
     assert (found.alarms, found.chosen) == ((), 0)
 
@@ -82,7 +83,7 @@ class InTurn:
             if piece == self.last:
                 raise KeyboardInterrupt
             on_progress(index, 1, 2)
-            found = MethodResult(piece.method, Evidence(0.0, 0.1, piece.method))
+            found = MethodResult(piece.method, Evidence(0.0, 0.1, piece.method, status="in doubt"))
             if piece.method == "smc":
                 found = EvidenceRun("smc", piece.repeat, None, "lost")
             if piece.method == "nested":
@@ -111,8 +112,9 @@ def test_progress_is_that_of_the_method_that_runs(tmp_path, monkeypatch):
     assert nested == sorted(nested)
     assert (nested[:3], nested[-1]) == ([0.0, 0.125, 0.25], 1.0)
     assert len(list((tmp_path / "results" / "checkpoints").glob("*"))) == 0
-    smc = bars["evidence M-1: X_uabsu T_nabsn"]
+    smc = bars["evidence M-1: check by tempered SMC, because it is in doubt or a decision depends on it"]
     assert smc == sorted(smc)
+    assert bars["evidence M-1: X_uabsu T_nabsn"][:3] == [0.0, 0.5, 1.0]
 
 
 def test_nested_sampling_goes_on_where_it_was_stopped(tmp_path, monkeypatch):

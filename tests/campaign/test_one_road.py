@@ -233,12 +233,12 @@ def test_estimate(flow, posterior, mode):
     np.testing.assert_allclose(estimate.data["sd"].values, whole, rtol=1e-12)
 
 
-def test_select(flow, posterior):
+def test_select(flow, posterior, mode):
     (evidence,) = flow.get("selection").evidences
     table = flow.campaign.selection
     keys = Keys(key_of(f"evidence {TERMS}"), key_of(f"importance {TERMS}"))
     settings = st.EvidenceSettings(table.repeats, st.SMCSettings(particles=table.particles), table.draws)
-    alone: Any = run_task(posterior, EvidenceTask("importance"), keys, settings, no_progress)
+    alone: Any = run_task(posterior, EvidenceTask("importance", modes=(mode,)), keys, settings, no_progress)
     assert (evidence.log_value, evidence.std_error) == (alone.evidence.log_value, alone.evidence.std_error)
 
 

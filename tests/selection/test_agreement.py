@@ -1,5 +1,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import jax
 import numpy as np
@@ -144,6 +145,7 @@ def numbered(*logs, expected_variance=0.0):
 
 
 IMPORTANCE = MethodResult("importance", Evidence(0.7, 0.01, "importance"))
+MODE: Any = SimpleNamespace(at_bounds=())
 
 
 def test_pieces_follow_what_is_known():
@@ -161,38 +163,29 @@ def test_pieces_follow_what_is_known():
 
 
 @pytest.mark.parametrize(
-    ("weighed", "repeat", "is_hopeless"),
+    ("alone", "is_doubtful"),
     [
-        (Evidence(-60.0, 0.01, "importance"), -55.0, True),
-        (Evidence(-60.0, 0.01, "importance"), -11.0, False),
-        (Evidence(-11.0, 0.01, "importance"), -60.0, False),
-        (Evidence(-60.0, 0.01, "importance", {}, "k-hat"), -60.0, False),
-        (None, -60.0, False),
+        (MethodResult("importance", Evidence(0.7, 0.01, "importance"), modes=(MODE,)), False),
+        (MethodResult("importance", Evidence(0.7, 0.01, "importance"), modes=(MODE, MODE)), True),
+        (MethodResult("importance", Evidence(0.7, 0.01, "importance", {}, "k-hat"), modes=(MODE,)), True),
+        (MethodResult("importance", None, "no mode"), True),
     ],
 )
-def test_a_structure_is_given_up_where_both_methods_find_it_hopeless(weighed, repeat, is_hopeless):
-    schedule = EvidenceSchedule(2)
-    assert schedule.begin(1) == [EvidenceTask("smc", 0)]
-    (run,) = numbered(repeat)
-    assert schedule.add(run) == EvidenceTask("importance", first=run)
-    assert schedule.add(MethodResult("importance", weighed, None if weighed else "no mode")) is None
-    assert schedule.give_up(0.0) == is_hopeless
-    if is_hopeless:
-        evidence = schedule.evidence()
-        assert (evidence.log_value, evidence.std_error, evidence.status) == (-60.0, 0.01, "")
-        assert evidence.diagnostics["notes"] == [
-            "tempered SMC, run once, finds it 55 nats behind the best or more, too"
-        ]
-    else:
-        assert schedule.begin() == [EvidenceTask("smc", 1)]
-
-
-def test_a_higher_peak_that_particles_met_gives_nothing_up():
-    schedule = EvidenceSchedule(2)
-    schedule.begin(1)
-    schedule.add(numbered(-60.0)[0])
-    schedule.add(MethodResult("importance", Evidence(-60.0, 0.01, "importance"), None, ("a higher peak",)))
-    assert not schedule.give_up(0.0)
+def test_a_second_method_is_asked_afterwards(alone, is_doubtful):
+    """The first is done again then, about the modes that are known, with the particles of the first repeat."""
+    schedule = EvidenceSchedule(0, alone.modes)
+    assert schedule.begin() == [EvidenceTask("importance", modes=alone.modes)]
+    assert schedule.add(alone) is None
+    assert schedule.is_doubtful == is_doubtful
+    if not is_doubtful:
+        assert (schedule.evidence().status, list(schedule.evidence().diagnostics["methods"])) == ("", ["importance"])
+    schedule.check(2)
+    assert schedule.begin() == [EvidenceTask("smc", 0), EvidenceTask("smc", 1)]
+    one, other = numbered(0.66, 0.74)
+    assert schedule.add(one) == EvidenceTask("importance", first=one, modes=alone.modes)
+    assert schedule.add(IMPORTANCE) is None
+    assert schedule.add(other) is None
+    assert (schedule.evidence().status, schedule.evidence().diagnostics["checks"]) == ("", 1)
 
 
 @pytest.mark.parametrize("late", [False, True])

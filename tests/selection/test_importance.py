@@ -73,7 +73,7 @@ def test_a_ridge_that_ends_at_the_prior_is_found():
     target, exact = short_surge()
     found = importance_evidence(target, KEY)
     assert found.status == ""
-    assert abs(found.log_value - exact) < 4 * found.std_error < 0.02
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.04
 
 
 @pytest.mark.proof
@@ -139,7 +139,7 @@ def test_a_posterior_that_leans_on_a_bound_is_weighed_evenly(offset):
     assert found.status == ""
     assert found.diagnostics["k_hat"] < 0.3
     assert found.diagnostics["efficiency"] > 0.4
-    assert abs(found.log_value - exact) < 4 * found.std_error < 0.03
+    assert abs(found.log_value - exact) < 4 * found.std_error < 0.06
 
 
 def test_a_peak_beyond_a_bound_leaves_no_heavy_tail():
@@ -149,7 +149,7 @@ def test_a_peak_beyond_a_bound_leaves_no_heavy_tail():
     for seed in range(6):
         found = importance_evidence(target, jax.random.key(seed))
         assert found.diagnostics["k_hat"] < 0.3
-        assert abs(found.log_value - exact) < 4 * found.std_error < 0.03
+        assert abs(found.log_value - exact) < 4 * found.std_error < 0.06
 
 
 def test_the_density_of_a_cut_proposal_is_that_of_its_draws():
@@ -218,7 +218,7 @@ def test_peaks_that_are_given_are_all_weighed_each_by_its_share():
     drawn = importance_sample(target, KEY, modes[0], further=modes[1:])
     found = evidence_of(drawn)
     assert (found.status, found.method) == ("", "importance sampling about 2 modes")
-    assert abs(found.log_value - one - np.log(20)) < 4 * found.std_error < 0.02
+    assert abs(found.log_value - one - np.log(20)) < 4 * found.std_error < 0.04
     assert np.mean(drawn.z > 0) == pytest.approx(0.25 + 0.5 * 0.95, abs=0.01)
 
 

@@ -169,10 +169,10 @@ ENTRIES = {
     ),
     "evidence-check-blunt": Entry(
         title="Check of an evidence too blunt",
-        sentence="the verdict on {subject:and} would change if the evidence of {label} were wrong by {needed:.2g} nat; its check resolves "
+        sentence="the decision on {subject:and} would change if the evidence of {label} were wrong by {needed:.2g} nat; its check resolves "
         "{resolution:.2g} nat",
-        meaning="A second method confirms the evidence, but with a larger error than the verdict allows.",
-        decided="The probability of a term passes from one verdict to another within {MAX_JOINT_ERRORS:g} joint errors of the two methods.",
+        meaning="A second method confirms the evidence, but with a larger error than the decision allows.",
+        decided="The probability of a term passes the one that decides within {MAX_JOINT_ERRORS:g} joint errors of the two methods.",
         example=Finding(
             "evidence-check-blunt",
             "caution",

@@ -132,11 +132,11 @@ def undecided_words(selection: Selection) -> str:
 
 
 def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
-    """Which methods gave this evidence, which of them agree, what is known of the others, and which difference, nats, a verdict needs."""
+    """Name the methods of an evidence, those that agree, what is known of the others, and the difference, nats, that changes a decision."""
     table = evidence.diagnostics["methods"]
+    needs = [] if needed is None else [f"a decision on a term changes if it is wrong by {needed:.2g} nat"]
     if len(table) == 1 and not evidence.status:
-        why = evidence.diagnostics["notes"] or ["there is no other structure to compare with"]
-        return f"by {METHOD_LABELS[next(iter(table))]} alone: {why[0]}"
+        return "; ".join([f"by {METHOD_LABELS[next(iter(table))]}, with no other method asked", *needs])
     value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
@@ -149,27 +149,28 @@ def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
         if agree
         else "which no other method confirms"
     )
-    needs = [f"a verdict changes if it is wrong by {needed:.2g} nat"] if needed is not None else []
     return "; ".join(
         [sentence, *needs, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])]
     )
 
 
 def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
-    """Say on how many evidences two methods agree without a third, which nested sampling decided, and how many are hopelessly behind.
+    """Say on how many evidences two methods agree without a third, which nested sampling decided, and on how many no decision depends.
 
     Nothing where none is sound.
     """
     tables = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
     sound = {label: table for label, table in tables.items() if len(table) > 1}
     decided = [label for label, table in sound.items() if "nested" in table]
-    agreed, count, behind = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
+    agreed, count, alone = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
+    if alone == count:
+        return "Importance sampling gave every evidence. No other method was asked, because no decision on a term depends on one evidence."
     if agreed == count:
         return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
     parts = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
     parts += [f"nested sampling decided that of {listed(decided)}"] if decided else []
-    if behind:
+    if alone:
         parts.append(
-            f"{behind} {'is' if behind == 1 else 'are'} so far behind that one repeat of tempered SMC was enough"
+            f"no decision depends on {'the other' if alone == 1 else f'{alone} others'}, by importance sampling alone"
         )
     return f"{'; '.join(parts)}." if parts else ""

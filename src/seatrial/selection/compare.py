@@ -1,6 +1,6 @@
 """Compare posteriors of the same data by their evidences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -12,13 +12,14 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
-from seatrial.estimation.posterior.mode import Mode, higher_mode
+from seatrial.estimation.posterior.mode import Mode, completed, higher_mode
 from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.evidence import EvidenceSettings
+from seatrial.selection.further_modes import further_modes, search_modes
 from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select
+from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select, unchecked_deciders
 
 
 def compare(
@@ -61,17 +62,55 @@ def compare(
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
     keys = [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
     own_posteriors = [*posteriors.values()]
-    modes = _exchanged(own_posteriors, keys)
-    schedules = [EvidenceSchedule(settings.repeats, mode) for mode in modes]
-    for done, each in enumerate(zip(own_posteriors, schedules, keys, strict=True), 1):
-        run_schedule(*each, settings)
-        progress(done, len(posteriors))
-    gains = log_evidence_gains(own_posteriors, modes, stated)
-    evidences = with_gains([one.evidence() for one in schedules], gains)
-    for index in blunt_deciders(structures, evidences, optional):
-        if schedules[index].sharpen():
-            run_schedule(own_posteriors[index], schedules[index], keys[index], settings)
-    return select(structures, with_gains([one.evidence() for one in schedules], gains), optional)
+    modes = _searched(own_posteriors, _exchanged(own_posteriors, keys), keys)
+    schedules = [EvidenceSchedule(0, one) for one in modes]
+    gains = log_evidence_gains(own_posteriors, [one[0] if one else None for one in modes], stated)
+
+    def run(places: Sequence[int]) -> None:
+        for place in places:
+            run_schedule(own_posteriors[place], schedules[place], keys[place], settings)
+            progress(place + 1, len(posteriors))
+
+    return select(structures, decide(structures, schedules, optional, gains, settings.repeats, run), optional)
+
+
+def decide(
+    structures: Sequence[Structure],
+    schedules: Sequence[EvidenceSchedule],
+    optional: Sequence[str],
+    gains: Sequence[float] | None,
+    repeats: int,
+    run: Callable[[Sequence[int]], None],
+) -> list[Evidence]:
+    """Return evidences as sharp as the decisions on terms need them.
+
+    All come from importance sampling about the modes. Tempered SMC checks one that is in doubt, and one on which a decision depends; it is
+    repeated where the decision changes within what the check resolves.
+
+    Args:
+        structures: candidates.
+        schedules: of their evidences, none begun, with the modes that are known.
+        optional: terms that are in question.
+        gains: of each evidence with every error, nats; None where they are not known.
+        repeats: of a check.
+        run: does all tasks that the schedules of some candidates, by place, ask for.
+    """
+
+    def evidences() -> list[Evidence]:
+        return with_gains([one.evidence() for one in schedules], gains)
+
+    def check(places: Sequence[int]) -> None:
+        for place in places:
+            schedules[place].check(repeats)
+        run(places)
+
+    run(range(len(schedules)))
+    if len(structures) > 1:
+        check([place for place, one in enumerate(schedules) if one.is_doubtful])
+        check(unchecked_deciders(structures, evidences(), optional))
+        blunt = blunt_deciders(structures, evidences(), optional)
+        run([place for place in blunt if schedules[place].sharpen()])
+    return evidences()
 
 
 def with_gains(evidences: Sequence[Evidence], gains: Sequence[float] | None) -> list[Evidence]:
@@ -79,6 +118,24 @@ def with_gains(evidences: Sequence[Evidence], gains: Sequence[float] | None) -> 
     if gains is None:
         return [replace(one, diagnostics=one.diagnostics | {"within_model": True}) for one in evidences]
     return [replace(one, with_errors=one.log_value + gain) for one, gain in zip(evidences, gains, strict=True)]
+
+
+def _searched(
+    posteriors: Sequence[Posterior], modes: Sequence[Mode | None], keys: Sequence[Keys]
+) -> list[tuple[Mode, ...]]:
+    """Return all modes of each posterior, the highest first: of those that no other contains by a search, of others by what that shows."""
+    names = [set(one.present_names) for one in posteriors]
+    found: list[tuple[Mode, ...]] = [() if mode is None else (mode,) for mode in modes]
+    whole = [place for place, own in enumerate(names) if not any(own < other for other in names)]
+    for place in whole:
+        if found[place]:
+            found[place] = search_modes(posteriors[place], found[place], keys[place].smc)
+    for place in set(range(len(names))).difference(whole):
+        around = [mode for one in whole if names[place] < names[one] for mode in found[one]]
+        if found[place] and around:
+            starts = np.concatenate([completed(posteriors[place], mode) for mode in around])
+            found[place] = further_modes(posteriors[place], found[place], [starts])
+    return found
 
 
 def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:

@@ -35,7 +35,7 @@ class EvidenceSettings:
 
     repeats: int = 4
     smc: SMCSettings = SMCSettings()
-    draws: int = 20480
+    draws: int = 8192
 
     def __post_init__(self) -> None:
         """Refuse sizes of which no error is known."""

@@ -8,6 +8,7 @@ No method that evaluates points finds a peak so narrow that no cold particle com
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import jax
@@ -30,6 +31,10 @@ MIN_FAR_SHARE = 0.01  # Share of the particles far from all known modes from whi
 FAR_TAIL = 1e-3  # Share of a normal density that lies farther from its mode than a particle that is far
 MIN_MODE_RISE = 0.1  # Nats above the highest known mode that no rounding of its place explains
 MAX_CLIMBS = 3  # From each set of particles
+MAX_SEARCH_DIM, SEARCH_MOVES = (
+    12,
+    8,
+)  # Parameters up to which modes are looked for from the prior, and moves of a particle each time
 
 
 @compiled_tree()
@@ -75,17 +80,39 @@ def sample_cold(
     ).particles
 
 
-def further_modes(
-    posterior: Posterior, known: Mode, sets: Sequence[Float[np.ndarray, "particles d"]]
-) -> tuple[Mode, ...]:
-    """Climb from particles that lie far from all modes known, or higher than them, and return the modes that are new.
+def search_modes(posterior: Posterior, known: Sequence[Mode], key: jax.Array) -> tuple[Mode, ...]:
+    """Look for modes from the prior, and return all, the highest first; in many parameters those known.
+
+    The particles are too few for an evidence, and enough to meet every mode that holds a twentieth of it.
 
     Args:
         posterior: density.
-        known: its highest mode found so far.
+        known: its modes known so far, one at least.
+        key: random key.
+    """
+    if posterior.dim > MAX_SEARCH_DIM:
+        return tuple(known)
+    settings = SMCSettings(max(128, 16 * posterior.dim), moves=SEARCH_MOVES, target_ess=0.5)
+    warm_key, cold_key = split(key)
+    sets = []
+    with suppress(NumericalError):  # of a prior of which little can be simulated, the modes known are all
+        warm = sample_warm(posterior, warm_key, settings)
+        sets = [warm.particles]
+        sets = [sample_cold(posterior, warm, cold_key, settings), *sets]
+    return further_modes(posterior, known, sets)
+
+
+def further_modes(
+    posterior: Posterior, known: Sequence[Mode], sets: Sequence[Float[np.ndarray, "particles d"]]
+) -> tuple[Mode, ...]:
+    """Climb from particles that lie far from all modes known, or higher than them, and return all modes, the highest first.
+
+    Args:
+        posterior: density.
+        known: its modes found so far, one at least.
         sets: particles, the coldest first.
     """
-    modes, edges = [known], edges_of(posterior)
+    modes, edges = [*known], edges_of(posterior)
     for particles in filter(len, sets):
         height, looked_into = evaluate(posterior, particles), np.zeros(len(particles), bool)
         for _ in range(MAX_CLIMBS):
@@ -102,7 +129,7 @@ def further_modes(
                 continue
             if _is_new(modes, edges, result.z[None], np.array([result.log_density]))[0]:
                 modes.append(result)
-    return tuple(modes[1:])
+    return tuple(sorted(modes, key=lambda mode: -mode.log_density))
 
 
 def _is_new(

@@ -88,7 +88,7 @@ class ImportanceSettings:
     """
 
     draws: int = EvidenceSettings.draws
-    pilot: int = 4096
+    pilot: int = 2048
     refits: int = 2
 
 

@@ -8,14 +8,14 @@ If the noise is unknown and the priors are wide, tempered SMC may fail on a post
 number of coefficients, L^b is a power law of the residuals, of which every scale holds as much as every other, and few particles meet
 the narrow ones. Nested sampling, which goes down in likelihood instead of temperature, has no such stretch, and is then asked.
 
-A structure that the first repeat and importance sampling both find hopelessly behind another is given up: its last digits decide nothing.
+Among structures most evidences decide nothing: a schedule may begin with importance sampling about modes that are known, and ask the second
+method later (`check`), where a decision depends on it or the first is in doubt.
 
 Tasks may run anywhere and in any order: `EvidenceSchedule` lists them, `run_task` does one.
 """
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -41,8 +41,6 @@ from seatrial.selection.verdict import Evidence
 MAX_REPEATS = 4  # Repeats of tempered SMC, in multiples of those asked for
 # Error of tempered SMC, nats, down to which repeats are added if a verdict depends on less than it resolves.
 SHARP_ERROR = 0.1
-# Nats behind the best structure, with every error, from which one is given up: it then has a probability below 1e-5.
-HOPELESS_DEFICIT = 12.0
 # Runs of nested sampling, live points of each, and slice moves for each parameter: an error of 0.2 nats if the data
 # tell 26. With 2 moves instead of 4, the usual size, it is 0.2 nats too low under wide priors (`wide regression` of
 # docs/evidence.py).
@@ -56,12 +54,12 @@ MIN_PEAK_RISE = 3.0  # Nats above the highest known peak from which on a point b
 
 class EvidenceTask(NamedTuple):
     """A repeat of tempered SMC or of nested sampling; or importance sampling, with the first repeat's particles if there are any, and
-    the mode if it is known."""
+    the modes that are known, the highest first."""
 
     method: Method
     repeat: int = 0
     first: "EvidenceRun | None" = None
-    mode: Mode | None = None
+    modes: tuple[Mode, ...] = ()
 
 
 class EvidenceRun(NamedTuple):
@@ -90,14 +88,14 @@ class MethodResult(NamedTuple):
         evidence: None if the method failed.
         failure: why.
         alarms: evidence of the first repeat's particles against all methods, in words.
-        mode: the highest known.
+        modes: those known, the highest first.
     """
 
     method: Method
     evidence: Evidence | None
     failure: str | None = None
     alarms: tuple[str, ...] = ()
-    mode: Mode | None = None
+    modes: tuple[Mode, ...] = ()
 
 
 class Keys(NamedTuple):
@@ -138,7 +136,7 @@ def log_evidence(
     """
     check_posterior(posterior)
     check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
-    schedule = EvidenceSchedule(settings.repeats, mode)
+    schedule = EvidenceSchedule(settings.repeats, () if mode is None else (mode,))
     run_schedule(posterior, schedule, keys_of(keys), settings, progress)
     return schedule.evidence()
 
@@ -195,28 +193,24 @@ class EvidenceSchedule:
 
     Attributes:
         max_repeats: of tempered SMC.
-        asked: of these, those asked for; with 0 importance sampling is done alone, for a value that decides nothing.
+        asked: of these, those asked for; with 0 importance sampling is done alone, until `check` asks for more.
         runs: repeats of tempered SMC, by number; one that is known before `begin` is not run again.
         nested: those of nested sampling.
         results: of the other methods, by method.
-        behind: nats behind the best structure, of one that is given up; 0 of any other.
-        mode: from which importance sampling begins; None if it is to find one.
-        compared: whether its mode has been compared with those of the other structures; before, nothing is decided by it.
+        modes: about which importance sampling draws, the highest first; none if it is to find one.
     """
 
-    def __init__(self, asked: int, mode: Mode | None = None, compared: bool = True):
-        self.asked, self.mode, self.compared = asked, mode, compared
+    def __init__(self, asked: int, modes: Sequence[Mode] = ()):
+        self.asked, self.modes = asked, tuple(modes)
         self.max_repeats = MAX_REPEATS * asked
         self.runs: dict[int, EvidenceRun] = {}
         self.nested: dict[int, NestedRun] = {}
         self.results: dict[Method, MethodResult] = {}
-        self.behind = 0.0
         self._begun: set[tuple[Method, int]] = set()
 
-    def begin(self, repeats: int | None = None) -> list[EvidenceTask]:
-        """Return all tasks that can run at once and have not begun, with at most so many of the repeats that are asked for."""
-        count = self.asked if repeats is None else min(repeats, self.asked)
-        tasks = [EvidenceTask("smc", repeat) for repeat in range(count)]
+    def begin(self) -> list[EvidenceTask]:
+        """Return all tasks that can run at once and have not begun."""
+        tasks = [EvidenceTask("smc", repeat) for repeat in range(self.asked)]
         new = [task for task in tasks if task.repeat not in self.runs and (task.method, task.repeat) not in self._begun]
         begun = [self._begin(task) for task in new]
         while (following := self._following()) is not None:
@@ -237,30 +231,16 @@ class EvidenceSchedule:
         return self._following()
 
     @property
-    def first(self) -> tuple[float, float] | None:
-        """The lower and the higher of two first values, by importance sampling and by one repeat; None if one is not sound."""
-        importance, run = self.results.get("importance"), self.runs.get(0)
-        if importance is None or importance.evidence is None or importance.evidence.status or importance.alarms:
-            return None
-        if run is None or not isinstance(run.result, SMCResult):
-            return None
-        low, high = sorted((importance.evidence.log_value, run.result.log_evidence))
-        return low, high
+    def is_doubtful(self) -> bool:
+        """Whether importance sampling alone does not do: it failed, complains of itself, or drew about several modes."""
+        alone = self.results["importance"]
+        return alone.evidence is None or bool(alone.evidence.status) or len(alone.modes) > 1
 
-    def give_up(self, best: float, gain: float = 0.0) -> bool:
-        """Give up a structure that cannot be the best.
-
-        Args:
-            best: lower bound of the log evidence of the best one.
-            gain: of this one with every error, nats, where `best` is such an evidence.
-
-        Returns:
-            whether it is given up.
-        """
-        self.behind = 0.0
-        if self.first is not None and (behind := best - self.first[1] - gain) > HOPELESS_DEFICIT:
-            self.behind = behind
-        return self.behind > 0.0
+    def check(self, repeats: int) -> None:
+        """Ask for the second method, and for importance sampling again, about what its particles meet too."""
+        self.asked, self.max_repeats = repeats, MAX_REPEATS * repeats
+        self.modes = self.results.pop("importance").modes
+        self._begun.remove(("importance", 0))
 
     def sharpen(self) -> bool:
         """Ask for as many more repeats as bring their error to `SHARP_ERROR`, within the maximum; returns whether there are more."""
@@ -271,22 +251,12 @@ class EvidenceSchedule:
         self.asked = min(self.max_repeats, max(before, wanted))
         return self.asked > max(before, len(healthy))
 
-    def repeat_importance(self, mode: Mode) -> None:
-        """Let importance sampling begin again, from a mode that is higher than the one it found."""
-        self.mode = mode
-        del self.results["importance"]
-        self._begun.remove(("importance", 0))
-
     def evidence(self) -> Evidence:
         """Return the evidence once all tasks are done."""
         if "importance" not in self.results:
             raise RuntimeError("importance sampling has not been done yet")
         importance = self.results["importance"]
-        at_bounds = () if importance.mode is None else importance.mode.at_bounds
-        if self.behind and importance.evidence is not None:
-            alone = judge({"importance": importance.evidence}, {}, alone=True, at_bounds=at_bounds)
-            note = f"tempered SMC, run once, finds it {self.behind:.0f} nats behind the best or more, too"
-            return replace(alone, diagnostics={**alone.diagnostics, "notes": [note]})
+        at_bounds = importance.modes[0].at_bounds if importance.modes else ()
         evidences: dict[Method, Evidence] = {}
         failures: dict[Method, str] = {}
         for name, result in self.results.items():
@@ -308,7 +278,7 @@ class EvidenceSchedule:
     def _following(self) -> EvidenceTask | None:
         """Importance sampling after a first repeat, more repeats while they check too bluntly, then nested sampling if need be."""
         if ("importance", 0) not in self._begun and (0 in self.runs or not self.asked):
-            return self._begin(EvidenceTask("importance", first=self.runs.get(0), mode=self.mode))
+            return self._begin(EvidenceTask("importance", first=self.runs.get(0), modes=self.modes))
         runs = self._in_order()
         if not self.asked or len(runs) < self.asked:
             return None
@@ -325,7 +295,7 @@ class EvidenceSchedule:
         return None if (task.method, task.repeat) in self._begun else self._begin(task)
 
     def _needs_nested(self) -> bool:
-        if not self.compared or "importance" not in self.results or "nested" in self.results:
+        if "importance" not in self.results or "nested" in self.results:
             return False
         try:
             return not self.evidence().diagnostics["checks"]
@@ -363,16 +333,14 @@ def _run_importance(posterior: Posterior, task: EvidenceTask, key: jax.Array, dr
     """Importance sampling about the mode and the other modes that particles of the first repeat, if there are any, met."""
     first = task.first.result if task.first else None
     sets = (task.first.cold, first.particles) if task.first and isinstance(first, SMCResult) else ()
-    known, evidence, failure = [], None, None
+    known, evidence, failure = task.modes, None, None
     try:
-        mode = find_own_mode(posterior, key) if task.mode is None else task.mode
-        known = [mode, *further_modes(posterior, mode, sets)]
-        evidence = importance_evidence(posterior, key, mode, ImportanceSettings(draws), known[1:])
+        known = further_modes(posterior, known or (find_own_mode(posterior, key),), sets)
+        evidence = importance_evidence(posterior, key, known[0], ImportanceSettings(draws), known[1:])
     except NumericalError as error:
         failure = str(error)
     alarms = _missed_peak(posterior, *sets, [mode.log_density for mode in known]) if sets else ()
-    highest = max(known, key=lambda mode: mode.log_density, default=None)
-    return MethodResult("importance", evidence, failure, tuple(alarms), highest)
+    return MethodResult("importance", evidence, failure, tuple(alarms), known)
 
 
 def find_own_mode(posterior: Posterior, key: jax.Array) -> Mode:

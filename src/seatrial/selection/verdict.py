@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 DECIDED, LIKELY = 0.95, 0.75
 EDGES = (1 - DECIDED, 1 - LIKELY, LIKELY, DECIDED)
+DECISIONS = (1 - DECIDED, DECIDED)
+# Nats by which an evidence may be wrong before a decision asks for a second method: what that resolves at least.
+MAX_UNCHECKED = 1.5
 MAX_PROBABILITY_ERROR = 0.05  # Monte Carlo error of a probability above which a verdict near an edge is withheld
 
 
@@ -84,7 +87,7 @@ class StructureRow:
     """One candidate with its evidence within the model, nats, and its probability; each with its Monte Carlo standard error.
 
     The probability is made of the evidence with every error, where that is known. The resolution is the smallest difference, nats, that the
-    check of the evidence would have noticed, none without a check; needed is the smallest that would change a verdict, none if no
+    check of the evidence would have noticed, none without a check; needed is the smallest that would change a decision, none if no
     difference would.
     """
 
@@ -179,10 +182,8 @@ class Selection:
 
     @property
     def needed(self) -> list[float]:
-        """By how much each evidence has to be wrong for a verdict to change, nats; infinite where none would."""
-        return [
-            min(own.values(), default=np.inf) for own in _needed(self.structures, self.evidences, [*self.inclusion])
-        ]
+        """By how much each evidence has to be wrong for a decision to change, nats; infinite where none would."""
+        return _least(_needed(self.structures, self.evidences, [*self.inclusion]))
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -196,7 +197,7 @@ class Selection:
 
     @property
     def cautions(self) -> list[Finding]:
-        """Which verdicts change within what a check does not resolve, and which parameters lie at a bound of their prior."""
+        """Which decisions change within what a check does not resolve, and which parameters lie at a bound of their prior."""
         findings = [
             Finding(
                 "evidence-check-blunt",
@@ -205,7 +206,7 @@ class Selection:
                 {
                     "label": self.structures[index].label,
                     "resolution": self.evidences[index].resolution or 0.0,
-                    "needed": self.needed[index],
+                    "needed": min(terms.values()),
                 },
                 ("sharpen-evidence",),
             )
@@ -361,33 +362,52 @@ def select(
             f"{len(structures)} structures were simulated; the others have a probability of {1.0 - share:.2f} by the screening, which "
             "the probabilities of the terms include; raise structure.shortlist to simulate more"
         )
+    verdicts_need = _least(_needed(structures, evidences, optional, EDGES))
     alarms = tuple(
         f"the evidence of {structure.label} is not reliable: {evidence.status}; a verdict changes if it is wrong by {needed:.2g} nat"
-        for structure, evidence, doubt, needed in zip(structures, evidences, doubts, selection.needed, strict=True)
+        for structure, evidence, doubt, needed in zip(structures, evidences, doubts, verdicts_need, strict=True)
         if doubt and doubt >= needed
     )
     return replace(selection, verdicts=tuple(verdicts), alarms=alarms)
 
 
+def unchecked_deciders(
+    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+) -> list[int]:
+    """Return the structures on whose evidence a decision depends, and which no second method has checked; arguments as `blunt_deciders`."""
+    needed = _least(_needed(structures, evidences, optional))
+    return [i for i, one in enumerate(evidences) if needed[i] <= MAX_UNCHECKED and len(one.diagnostics["methods"]) < 2]
+
+
 def blunt_deciders(
     structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
-) -> dict[int, list[str]]:
-    """Return the structures on which a verdict depends within what the check of their evidence does not resolve, and these terms.
+) -> dict[int, dict[str, float]]:
+    """Return the structures on which a decision depends within what the check of their evidence does not resolve.
 
     Args:
         structures: candidates.
         evidences: one for each.
         optional: terms that are in question.
+
+    Returns:
+        of each such structure, by place, the terms and by how much the evidence has to be wrong for them, nats.
     """
     blunt = {
-        index: [term for term, nats in own.items() if term and nats <= (evidence.resolution or 0.0)]
+        index: {term: nats for term, nats in own.items() if term and nats <= (evidence.resolution or 0.0)}
         for index, (own, evidence) in enumerate(zip(_needed(structures, evidences, optional), evidences, strict=True))
     }
     return {index: terms for index, terms in blunt.items() if terms}
 
 
+def _least(needed: Sequence[Mapping[str, float]]) -> list[float]:
+    return [min(own.values(), default=np.inf) for own in needed]
+
+
 def _needed(
-    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+    structures: Sequence[Structure],
+    evidences: Sequence[Evidence],
+    optional: Sequence[str],
+    edges_of_term: Sequence[float] = DECISIONS,
 ) -> list[dict[str, float]]:
     """Return by how much each evidence has to be wrong for the verdict on a term to change, nats, by the terms where one would; and
     under "" for the most probable structure to be settled, or no longer.
@@ -404,7 +424,7 @@ def _needed(
         own = {}
         for term, member in has.items():
             others = float(member @ probability) - member[i] * p
-            edges = np.array(EDGES if term else (DECIDED,))
+            edges = np.array(edges_of_term if term else (DECIDED,))
             x = (edges * (1.0 - p) - others) / (member[i] - edges)
             if p > 0.0 and (x > 0.0).any():
                 own[term] = float(np.abs(np.log(x[x > 0.0] / p)).min())

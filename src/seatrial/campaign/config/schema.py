@@ -259,7 +259,7 @@ class EstimationTable(Table):
 
 
 class SelectionTable(Table):
-    """`[selection]`: size of the two methods that compute each evidence.
+    """`[selection]`: size of the method that computes each evidence, and of the one that checks it where a decision depends on it.
 
     If a verdict asks for more particles, repeats or draws, raise these.
     """
@@ -268,12 +268,12 @@ class SelectionTable(Table):
         default=None,
         ge=64,
         le=1_000_000,
-        description="particles of the tempered SMC that checks each evidence; if not given, 512, or 64 for each parameter "
+        description="particles of the tempered SMC that checks an evidence; if not given, 512, or 64 for each parameter "
         "where that is more",
     )
     repeats: int = Field(default=4, ge=2, le=1000, description="independent repeats of it")
     draws: int = Field(
-        default=20480, ge=1024, le=10_000_000, description="draws of the importance sampling that gives each evidence"
+        default=8192, ge=1024, le=10_000_000, description="draws of the importance sampling that gives each evidence"
     )
 
 

@@ -22,7 +22,7 @@ from seatrial.campaign.inference.model_error import (
     stated_errors,
     tried_effects,
 )
-from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
+from seatrial.campaign.inference.modes import all_modes, check_prior_of, long_steps
 from seatrial.campaign.inference.posterior import is_whole, widest
 from seatrial.campaign.store.estimates import Estimate, HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
@@ -38,7 +38,7 @@ from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.diagnostics.identifiability import identifiability_of_fit
 from seatrial.estimation.diagnostics.prior_checks import prior_findings
 from seatrial.estimation.posterior.mode import Mode
-from seatrial.estimation.posterior.noncentred import in_posterior, uncouple
+from seatrial.estimation.posterior.noncentred import in_posterior, uncouple, uncoupled_mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.estimation.priors import prior_curve
@@ -64,7 +64,7 @@ CHECKPOINT_EVERY = 5
 def estimate_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's posterior."""
     return key_of(
-        "posterior, with all errors in its standard deviations, cut at bounds, and the effects tried",
+        "posterior, with all errors in its standard deviations, cut at bounds, the effects tried, about all modes",
         *(trials.key, structure.terms, campaign.vehicle),
         *(campaign.priors, campaign.sensors, campaign.mounts, campaign.estimation, campaign.seed),
     )
@@ -121,7 +121,8 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
 
         study, workers = Study(campaign, trials.fit), workers_of(campaign, reporter)
         # Of all structures, also those that are there: each mode depends on the others', and must not on what was kept.
-        modes = structure_modes(study, workers)
+        known = all_modes(study, trials, reporter)
+        modes = {one: known.of(one) or (known.highest(one),) for one in missing}
         begun = [
             _Begun(one, modes[one], load_checkpoint(store.checkpoint(f"posterior-{one.label}"), checkpoint_keys[one]))
             for one in missing
@@ -131,18 +132,18 @@ def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
 
 
 class _Begun(NamedTuple):
-    """A structure with its mode, whose chains are to begin, or to go on from arrays of their run."""
+    """A structure with its modes, the highest first, whose chains are to begin, or to go on from arrays of their run."""
 
     structure: Structure
-    mode: Mode | NumericalError
+    modes: tuple[Mode | NumericalError, ...]
     run: dict[str, np.ndarray] | None
 
 
 class _Unended(NamedTuple):
-    """A structure with its mode and its chains' run so far, with the iterations done and in all."""
+    """A structure with its modes and its chains' run so far, with the iterations done and in all."""
 
     structure: Structure
-    mode: Mode | NumericalError
+    modes: tuple[Mode | NumericalError, ...]
     run: dict[str, np.ndarray]
     done: int
     total: int
@@ -158,14 +159,15 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
     posterior, mode, budget, target, there = study.once(
-        ("mode", structure.terms), lambda: _prepare(study, structure, item.mode)
+        ("mode", structure.terms), lambda: _prepare(study, structure, item.modes[0])
     )
     table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.lengths[-1], table.thin)
     draw_key = random_key(campaign.seed, f"chains {structure.terms}")
     if item.run is None:
-        starts = spread_starts(target, there, settings.chains, fold_in(draw_key, 2**31))
+        further = [uncoupled_mode(target, one) for one in item.modes[1:] if isinstance(one, Mode)]
+        starts = spread_starts(target, there, settings.chains, fold_in(draw_key, 2**31), further)
         run = sampler.start_chains(target, starts, there.cov)
     else:
         run = run_from_arrays(sampler.State, item.run)
@@ -176,7 +178,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
         )  # before each block: whether chains that are as long as asked for go on is not known yet
         run = sampler.advance_chains(target, run, draw_key, settings)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and run.iteration < total:
-            return _Unended(structure, item.mode, arrays_of_run(run), run.iteration, total)
+            return _Unended(structure, item.modes, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, budget)

@@ -33,7 +33,7 @@ from seatrial.campaign.inference.model_error import (
     left_out,
     stated_errors,
 )
-from seatrial.campaign.inference.modes import check_prior_of, exchange_modes, long_steps
+from seatrial.campaign.inference.modes import check_prior_of, long_steps, structure_modes
 from seatrial.campaign.inference.posterior import is_whole
 from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
@@ -42,11 +42,11 @@ from seatrial.compiled.random_keys import random_key
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
-from seatrial.core.reporter import SILENT, Progress, Reporter, run_side_by_side
+from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
 from seatrial.estimation.diagnostics.error_budget import error_budget
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
-from seatrial.estimation.posterior.mode import Mode, draw_about, find_mode
+from seatrial.estimation.posterior.mode import Mode, draw_about
 from seatrial.estimation.posterior.posterior import Posterior, values_of
 from seatrial.estimation.regression.equation_error import (
     Accelerations,
@@ -150,21 +150,12 @@ class NormalPosterior:
 def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[FirstAnswer]:
     """Posterior mode of every structure, with the standard deviations that its curvature gives.
 
-    That of the structure with most terms comes first: the others are looked for where its normal approximation expects them.
-
     Raises:
         InputError: a prior against whose bound the data push.
     """
     study = Study(campaign, trials.fit)
-
-    def search(structure: Structure, largest: Mode | NumericalError | None = None) -> Mode | NumericalError:
-        return _search(study, structure, reporter.progress(f"mode {structure.label}"), largest)
-
-    begin = max(campaign.structures, key=lambda structure: len(structure.terms))
-    others = [structure for structure in campaign.structures if structure is not begin]
-    largest = search(begin)
-    result = run_side_by_side([partial(search, structure, largest) for structure in others])
-    modes = exchange_modes(study, {begin: largest, **dict(zip(others, result, strict=True))})
+    known = structure_modes(study, trials, reporter)
+    modes = {one: known.highest(one) for one in campaign.structures}
     there = {one: mode.log_evidence for one, mode in modes.items() if isinstance(mode, Mode)}
     probable = sorted(there, key=lambda one: -there[one])[:MOST_BUDGETS]
     return run_side_by_side(
@@ -214,23 +205,6 @@ def regressions(campaign: Campaign, trials: Trials, window: float | None = None)
     measured = window is None and "udot" in campaign.channels
     width = WINDOW if window is None else window
     return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]
-
-
-def _search(
-    study: Study, structure: Structure, progress: Progress, largest: Mode | NumericalError | None
-) -> Mode | NumericalError:
-    """Return the mode of one structure with what is absent, looked for near that of the largest one; or why there is none."""
-    posterior, near = study.posterior(structure), None
-    if isinstance(largest, Mode):
-        absent = [name for name in largest.names if name not in posterior.present_names]
-        near = largest.expected(dict.fromkeys(absent, 0.0))
-    progress(0, 1)
-    try:
-        return find_mode(posterior, random_key(study.campaign.seed, f"mode {structure.terms}"), near=near)
-    except NumericalError as error:
-        return error
-    finally:
-        progress(1, 1)
 
 
 def _answer(

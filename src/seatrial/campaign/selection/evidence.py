@@ -8,24 +8,23 @@ import numpy as np
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
-from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.model_error import stated_errors
-from seatrial.campaign.inference.modes import exchange_modes
+from seatrial.campaign.inference.modes import all_modes
 from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.selection.screening import shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
-from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
+from seatrial.estimation.posterior.mode import Mode
 from seatrial.sampling.nested import NestedRun
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings
-from seatrial.selection.compare import with_gains
+from seatrial.selection.compare import decide
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.log_evidence import (
     NESTED_RUNS,
@@ -39,7 +38,7 @@ from seatrial.selection.log_evidence import (
 )
 from seatrial.selection.method_agreement import Method
 from seatrial.selection.structures import Structure
-from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select
+from seatrial.selection.verdict import Evidence, Selection, select
 
 
 def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Selection:
@@ -80,9 +79,9 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
     """Key of one structure's evidence."""
     name = (
-        "evidence by agreement, modes exchanged, checked as sharply as it decides with every error, the hopeless given up"
+        "evidence about all modes, checked as sharply as it decides with every error"
         if len(campaign.structures) > 1
-        else "evidence by importance sampling, with bounds"
+        else "evidence about all modes"
     )
     return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
 
@@ -102,19 +101,20 @@ class _StructureTask(NamedTuple):
 
 
 def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[Evidence]:
-    """All tasks of all evidences side by side; each result is that of `log_evidence`, except for structures that are given up first.
+    """All tasks of all evidences side by side, until they are as sharp as the decisions need them (`decide`).
 
-    Decisions follow the exchange of modes, also in a run that is resumed: its checkpoints must not change its outcome.
+    What is decided follows from results alone, also in a run that is resumed: its checkpoints must not change its outcome.
     """
+    study = Study(campaign, trials.fit)
+    known, workers = all_modes(study, trials, reporter), workers_of(campaign, reporter)
     stored = [
-        _StoredSchedule(campaign, structure, evidence_key(campaign, structure, trials), reporter)
-        for structure in campaign.structures
+        _StoredSchedule(campaign, one, known.of(one), evidence_key(campaign, one, trials), reporter)
+        for one in campaign.structures
     ]
     by_label = {one.structure.label: one for one in stored}
-    workers, study = workers_of(campaign, reporter), Study(campaign, trials.fit)
 
-    def run(schedules: Sequence[_StoredSchedule], repeats: int | None = None) -> None:
-        tasks = [_StructureTask(one.structure, task) for one in schedules for task in one.schedule.begin(repeats)]
+    def run(places: Sequence[int]) -> None:
+        tasks = [_StructureTask(stored[place].structure, task) for place in places for task in stored[place].begin()]
 
         def done(index: int, result: EvidenceRun | MethodResult) -> _StructureTask | None:
             structure = tasks[index].structure
@@ -130,34 +130,13 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
 
         workers.run(_compute, study, [*tasks], done, on_progress)
 
-    run(stored, repeats=1)
-    run(_exchange(study, workers, stored), repeats=1)
-    for one in stored:
-        one.schedule.compared = True
     gains = None
     if len(stored) > 1:
-        posteriors = [study.posterior(one.structure) for one in stored]
-        gains = log_evidence_gains(
-            posteriors, [one.schedule.results["importance"].mode for one in stored], stated_errors(campaign.estimation)
-        )
-    pairs = [*zip(stored, gains or [0.0] * len(stored), strict=True)]
-    best = max((first[0] + gain for one, gain in pairs if (first := one.schedule.first) is not None), default=-np.inf)
-    run([one for one, gain in pairs if not one.give_up(best, gain)])
-    evidences = with_gains([one.schedule.evidence() for one in stored], gains)
-    blunt = blunt_deciders(campaign.structures, evidences, campaign.structure.optional)
-    run([one for index, one in enumerate(stored) if index in blunt and one.schedule.sharpen()])
-    return with_gains([one.schedule.evidence() for one in stored], gains)
-
-
-def _exchange(study: Study, workers: Workers, stored: Sequence["_StoredSchedule"]) -> list["_StoredSchedule"]:
-    """Give each structure the higher mode to which those of others lead, and return those whose importance sampling has to be repeated."""
-    results = {one.structure: one.schedule.results["importance"] for one in stored}
-    modes = {structure: result.mode or NumericalError(result.failure or "") for structure, result in results.items()}
-    better = exchange_modes(study, modes, workers)
-    again = [one for one in stored if better[one.structure] is not modes[one.structure]]
-    for one in again:
-        one.schedule.repeat_importance(better[one.structure])
-    return again
+        modes = [next(iter(known.of(one)), None) for one in campaign.structures]
+        posteriors = [study.posterior(one) for one in campaign.structures]
+        gains = log_evidence_gains(posteriors, modes, stated_errors(campaign.estimation))
+    schedules = [one.schedule for one in stored]
+    return decide(campaign.structures, schedules, campaign.structure.optional, gains, campaign.selection.repeats, run)
 
 
 def _compute(study: Study, part: _StructureTask, report: Progress) -> EvidenceRun | MethodResult:
@@ -170,24 +149,32 @@ def _compute(study: Study, part: _StructureTask, report: Progress) -> EvidenceRu
 class _StoredSchedule:
     """The schedule of one structure, its repeats kept on disk until the selection is written."""
 
-    def __init__(self, campaign: Campaign, structure: Structure, key: str, reporter: Reporter):
+    def __init__(self, campaign: Campaign, structure: Structure, modes: Sequence[Mode], key: str, reporter: Reporter):
         self.campaign, self.structure, self.reporter = campaign, structure, reporter
-        self.nested_progress: Progress | None = None
-        self.schedule = EvidenceSchedule(
-            campaign.selection.repeats if len(campaign.structures) > 1 else 0, compared=False
-        )
-        self.shares = np.zeros(self.schedule.max_repeats)
-        self.progress = reporter.progress(f"evidence {structure.label}: {' '.join(structure.terms)}")
+        self.schedule = EvidenceSchedule(0, modes)
+        self.bars, self.shares = dict[Method, Progress](), dict[tuple[Method, int], float]()
+        self.titles: dict[Method, str] = {
+            "importance": " ".join(structure.terms),
+            "smc": "check by tempered SMC, because it is in doubt or a decision depends on it",
+            "nested": "nested sampling decides, because no two methods agree",
+        }
         self.checkpoint_key = key_of("repeat", key, widest(campaign.structures).terms)
+
+    def begin(self) -> list[EvidenceTask]:
+        """Return the tasks that can run, as `EvidenceSchedule.begin`; a check goes on from the repeats that an interrupted run has kept."""
         for repeat in range(self.schedule.max_repeats):
-            if (arrays := self._read("smc", repeat)) is not None:
+            if repeat not in self.schedule.runs and (arrays := self._read("smc", repeat)) is not None:
                 cold = arrays.pop("cold")
                 self.schedule.runs[repeat] = EvidenceRun("smc", repeat, SMCResult(**arrays), cold=cold)
                 self.show(EvidenceTask("smc", repeat), 1.0)
-        for repeat in range(NESTED_RUNS):
-            if (arrays := self._read("nested", repeat)) is not None:
+        for repeat in range(NESTED_RUNS if self.schedule.asked else 0):
+            if repeat not in self.schedule.nested and (arrays := self._read("nested", repeat)) is not None:
                 self.schedule.nested[repeat] = NestedRun(**arrays)
                 self.show(EvidenceTask("nested", repeat), 1.0)
+        tasks = self.schedule.begin()
+        for task in tasks:
+            self.show(task, 0.0)
+        return tasks
 
     def add(self, result: EvidenceRun | MethodResult) -> EvidenceTask | None:
         """Add a result, a repeat also on disk, and return the task that can run now."""
@@ -210,26 +197,18 @@ class _StoredSchedule:
         save_checkpoint(self._checkpoint(method, repeat), self.checkpoint_key, arrays)
         self.show(EvidenceTask(method, repeat), 1.0)
 
-    def give_up(self, best: float, gain: float) -> bool:
-        """Give up a hopeless structure, as `EvidenceSchedule.give_up`, and end its bar."""
-        is_hopeless = self.schedule.give_up(best, gain)
-        if is_hopeless:
-            self.progress(1, 1)
-        return is_hopeless
-
     def show(self, task: EvidenceTask, share: float) -> None:
-        """Show the share of a task that is done: all repeats in one bar, nested sampling in a second bar."""
-        if task.method == "smc":
-            self.shares[task.repeat] = share
-            count = max(self.schedule.asked, 1 + int(np.flatnonzero(self.shares).max(initial=0)))
-            self.progress(round(float(PROGRESS_STEPS * self.shares[:count].sum())), PROGRESS_STEPS * count)
-        elif task.method == "nested":
-            self.nested_progress = self.nested_progress or self.reporter.progress(
-                f"evidence {self.structure.label}: nested sampling decides, because no two methods agree"
+        """Show the share of a task that is done, in a bar for each method."""
+        if task.method not in self.bars:
+            self.bars[task.method] = self.reporter.progress(
+                f"evidence {self.structure.label}: {self.titles[task.method]}"
             )
-            self.nested_progress(round(PROGRESS_STEPS * (task.repeat + share)), PROGRESS_STEPS * NESTED_RUNS)
-        elif not self.schedule.asked:
-            self.progress(round(PROGRESS_STEPS * share), PROGRESS_STEPS)
+        done, count = task.repeat + share, NESTED_RUNS
+        if task.method != "nested":
+            self.shares[task.method, task.repeat] = share
+            done = sum(one for (method, _), one in self.shares.items() if method == task.method)
+            count = 1 if task.method == "importance" else max(self.schedule.asked, len(self.shares) - 1)
+        self.bars[task.method](round(PROGRESS_STEPS * done), PROGRESS_STEPS * count)
 
     def _checkpoint(self, method: Method, repeat: int) -> Path:
         return Store(self.campaign.folder).checkpoint(f"evidence-{self.structure.label}-{method}-{repeat}")

@@ -72,6 +72,8 @@ class Store:
     searched = ResultFile("searched.json")  # the design found by a global search
     measures = ResultFile("measures.nc")  # every measure of some designs side by side
     coefficients = ResultFile("coefficients.csv")  # table of the parameters of every structure, as CSV
+    modes = ResultFile("modes.json")  # highest posterior mode of each structure, from which commands begin
+    all_modes = ResultFile("all_modes.json")  # these and further ones, as a search finds them
     mode = ResultFile("mode.json")  # posterior mode of the most probable structure, a first answer
     averaged = ResultFile("averaged.csv")  # table of the parameters averaged over all structures, as CSV
     sequence = ResultFile("sequence.json")  # trials decided after the first, of a simulated vehicle

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +23,7 @@ from seatrial.core.coefficients import is_coefficient
 from seatrial.core.errors import NumericalError
 from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
+from seatrial.core.serialise import AS_LIST
 from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.information import expand_likelihood
 from seatrial.estimation.posterior.output_error import OutputError
@@ -91,13 +92,13 @@ class Mode(NamedTuple):
         at_bounds: findings about those that lie at a bound of their prior.
     """
 
-    z: Float[np.ndarray, " d"]
-    precision: Float[np.ndarray, "d d"]
-    cov: Float[np.ndarray, "d d"]
+    z: Annotated[Float[np.ndarray, " d"], AS_LIST]
+    precision: Annotated[Float[np.ndarray, "d d"], AS_LIST]
+    cov: Annotated[Float[np.ndarray, "d d"], AS_LIST]
     log_density: float
     log_evidence: float
-    values: Float[np.ndarray, " d"]
-    sd: Float[np.ndarray, " d"]
+    values: Annotated[Float[np.ndarray, " d"], AS_LIST]
+    sd: Annotated[Float[np.ndarray, " d"], AS_LIST]
     flat: bool
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
@@ -236,7 +237,7 @@ def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]
         known: its highest mode known, None where none is.
         others: modes of structures that share parameters with it, of the same names.
     """
-    starts = np.concatenate([np.empty((0, posterior.dim)), *(_completed(posterior, one) for one in others)])
+    starts = np.concatenate([np.empty((0, posterior.dim)), *(completed(posterior, one) for one in others)])
     if not len(starts):
         return None
     heights, best = _heights(posterior, starts), known
@@ -253,7 +254,7 @@ def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]
     return _along_delay(posterior, best) if DELAY in posterior.present_names else best
 
 
-def _completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
+def completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
     """Return where a mode of another structure lies: what it lacks at zero, what is absent here left out, and what then is expected."""
     absent = [name for name in other.names if name not in posterior.present_names]
     values = {name: 0.0 for name in posterior.present_names if is_coefficient(name)} | other.by_name

@@ -1,6 +1,6 @@
 """Draws of a posterior by any method, from nothing but the posterior."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -58,6 +58,7 @@ SIZES: dict[str, Settings] = {
     "nested": NestedSettings(200, 512),
 }
 SPREAD = 1.5  # Standard deviations of the normal approximation from which chains start
+MAX_BEHIND = 7.0  # Nats by which the evidence about a further mode, by Laplace, may be less than that of the best for chains to start there
 
 
 def sample(
@@ -122,12 +123,18 @@ def _sample_small(name: str, posterior: Posterior, key: jax.Array) -> Draws:
     return sample(posterior, name, SIZES[name], key)
 
 
-def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array) -> np.ndarray:
-    """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d)."""
+def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array, further: Sequence[Mode] = ()) -> np.ndarray:
+    """Positions spread wider than the normal approximation, so that R-hat can see chains that do not meet, shape (chains, d).
+
+    Chains are dealt to the modes that may hold a thousandth of the evidence, the mode and further ones.
+    """
     noise = np.random.default_rng(np.asarray(jax.random.key_data(key))).standard_normal((chains, target.dim))
-    starts = mode.z + SPREAD * noise @ mode.scale.T
+    best = max(one.log_evidence for one in (mode, *further))
+    modes = [one for one in (mode, *further) if one is mode or one.log_evidence > best - MAX_BEHIND]
+    dealt = [modes[chain % len(modes)] for chain in range(chains)]
+    starts = np.array([one.z + SPREAD * one.scale @ step for one, step in zip(dealt, noise, strict=True)])
     finite = np.isfinite(evaluate(target, starts))
-    return np.where(finite[:, None], starts, mode.z)
+    return np.where(finite[:, None], starts, [one.z for one in dealt])
 
 
 def _by_chains(posterior: Posterior, method: str, settings: ChainSettings, key: jax.Array, progress: Progress) -> Draws:
