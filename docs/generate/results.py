@@ -139,6 +139,7 @@ PLAIN = """## Text files
 | `criteria/LABEL.json` | criteria | information criteria of a structure |
 | `cross_validation.json` | crossvalidate | how each structure and model of the error predicts runs left out |
 | `summary.json` | run, report | coefficients with mean, sd and unit, verdicts, cautions, alarms, next trial |
+| `modes.json`, `all_modes.json` | estimate, select | posterior modes of each structure, from which estimates and evidences begin |
 | `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `priors_from` |
 | `mode_predictions.nc` | estimate --by mode | as `predictions.nc`: the held-back records, as that mode predicts them |
 | `coefficients.csv` | estimate, run | each parameter of each structure: mean, sd, 95 % interval, mode, health; by `run` its probability |
