@@ -83,20 +83,24 @@ def stored_estimates(campaign: Campaign, trials: HasKey) -> dict[Structure, Stor
     }
 
 
-def estimate_all(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> list[Estimate]:
+def estimate_all(
+    campaign: Campaign, trials: Trials, reporter: Reporter = SILENT, only: Sequence[Structure] | None = None
+) -> list[Estimate]:
     """Estimate every candidate structure, side by side; current results are read.
 
     Args:
         campaign: configuration.
         trials: records, of `get_trials`.
         reporter: told how far the chains have come.
+        only: candidates that are estimated; None for all.
 
     Returns:
-        one posterior for each structure; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
+        one posterior for each of these; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     check_kind(trials, Trials, "trials", "make them with `get_trials`")
-    store, kept = Store(campaign.folder), stored_estimates(campaign, trials)
+    store, every = Store(campaign.folder), stored_estimates(campaign, trials)
+    kept = every if only is None else {one: every[one] for one in only}
     missing = [one for one, result in kept.items() if not result.is_current()]
     if missing:
         shown = [reporter.progress(f"estimate {one.label}: {' '.join(one.terms)}") for one in missing]

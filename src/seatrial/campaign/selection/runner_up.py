@@ -1,7 +1,6 @@
 """The two most probable structures side by side: what choosing between them changes in motion, and which trial would decide."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -323,7 +322,7 @@ def find_contenders(
     pair = contending(selection)
     if len(pair) < 2 or campaign.trial_design is None:
         return None
-    best, runner = estimate_all(replace(campaign, shortlist=pair), trials, reporter)
+    best, runner = estimate_all(campaign, trials, reporter, pair)
     sweep = design_next(campaign, best, reporter).best
 
     def compute() -> Contenders:
