@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from seatrial.compiled import engine, program_store, programs
+from seatrial.compiled import engine, program_store, programs, tracing
 from seatrial.compiled.program_store import NoKey, key_of
 from seatrial.compiled.programs import counts
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
@@ -243,6 +243,33 @@ def test_nothing_is_kept_where_nobody_asked_for_it(toy, done, monkeypatch):
     assert float(toy.volume(np.eye(2))["log"]) == pytest.approx(np.log(2) * 2)
     assert done() == (0, 0)
     assert not engine.program_directory().exists()
+
+
+@pytest.mark.parametrize("module", ["jax._src.config", "jax._src.core"])
+def test_a_release_of_jax_that_does_not_say_what_it_traces_keeps_nothing(toy, done, monkeypatch, caplog, module):
+    try:
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, module, None)
+            importlib.reload(tracing)
+        assert [toy.power(jnp.arange(3.0), n) for n in (2, 3)] == [9.0, 27.0]
+        np.testing.assert_allclose(jax.grad(lambda x: toy.volume(x)["log"])(jnp.eye(2)), jnp.eye(2))
+        assert key_of(1)
+    finally:
+        importlib.reload(tracing)
+    assert done() == (0, 0)
+    assert not engine.program_directory().exists()
+    cautions = [one.getMessage() for one in caplog.records if one.levelno == logging.WARNING]
+    assert len(cautions) == 1
+    assert "not kept with this release of JAX" in cautions[0]
+    toy.power(jnp.arange(3.0), 2)
+    assert done() == (0, 1)
+
+
+def test_a_mesh_of_the_users_own_has_no_key():
+    mesh = jax.sharding.AbstractMesh
+    assert key_of(mesh((), ()))
+    with pytest.raises(NoKey):
+        key_of(mesh((2,), ("x",)))
 
 
 def test_a_wrong_argument_is_refused_in_the_words_of_jax(toy):

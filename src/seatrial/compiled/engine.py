@@ -163,8 +163,16 @@ def _asked_for_float32() -> bool:
 
 def _has_computed() -> bool:
     """Return whether JAX has started a backend, as the first array or compilation does; its settings of XLA are fixed from then on."""
-    bridge = sys.modules.get("jax._src.xla_bridge")  # JAX offers no public way to ask without starting one
-    return bridge is not None and bridge.backends_are_initialized()
+    jax = sys.modules.get("jax")
+    if jax is None:
+        return False
+    kept = jax.config.jax_num_cpu_devices
+    try:  # JAX does not say whether one is started, but refuses another number of devices from then on
+        jax.config.update("jax_num_cpu_devices", kept + 1)
+    except RuntimeError:
+        return True
+    jax.config.update("jax_num_cpu_devices", kept)
+    return False
 
 
 def _fuses_time_loops(flags: str) -> bool:

@@ -22,10 +22,9 @@ from typing import Any
 import jax
 import jaxlib.version
 import numpy as np
-from jax._src import config as settings_of_thread  # what a context manager sets is public nowhere
 from jax.core import Tracer
 
-from seatrial.compiled import engine
+from seatrial.compiled import engine, tracing
 from seatrial.core.files import atomic_path, remove_orphans
 from seatrial.core.processes import cores
 
@@ -54,9 +53,7 @@ def key_of(*content: Any) -> str:
     """
     digest = _Digest()
     parts = [digest.of(one) for one in content]
-    # Those of this thread count too: they change what is compiled.
-    names = settings_of_thread.trace_context_names()
-    settings = jax.config.values | dict(zip(names, settings_of_thread.trace_context(), strict=True))
+    settings = jax.config.values | tracing.thread_settings()
     weighty = {name: settings[name] for name in sorted(settings) if not any(word in name for word in _OF_NO_WEIGHT)}
     parts += [digest.of(weighty), digest.of(_machine())]
     parts += [digest.of((package, _sources(package))) for package in sorted(digest.packages)]
@@ -132,6 +129,8 @@ class _Digest:
             return b"cached", self.of(value.__wrapped__)
         if hasattr(kind, "content_of_program"):
             return b"program", *map(self.of, value.content_of_program())
+        if isinstance(value, jax.sharding.AbstractMesh) and value.empty:  # JAX 0.12 has one where no mesh is set
+            return (b"no mesh",)
         if is_dataclass(value):
             return b"dataclass", self.of(kind), *self._fields(value)
         raise NoKey(f"a {kind.__qualname__}")

@@ -13,23 +13,19 @@ import time
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cached_property, partial, update_wrapper
+from functools import cached_property, lru_cache, partial, update_wrapper
 from pathlib import Path
 from types import MethodType
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jax._src.array import ArrayImpl
-from jax._src.config import trace_context
-from jax._src.core import trace_state_clean
-from jax._src.lax.linalg import initialize_lapack
 from jax.core import Tracer
 from jax.experimental import serialize_executable
 from jax.experimental.compilation_cache import compilation_cache
 from jax.tree_util import tree_flatten, tree_structure, tree_unflatten
 
-from seatrial.compiled import engine, program_store
+from seatrial.compiled import engine, program_store, tracing
 from seatrial.compiled.program_store import NoKey, Unusable
 
 
@@ -100,7 +96,7 @@ class Program:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Call the function, compiled."""
-        if not engine.keeps_programs() or not trace_state_clean():
+        if not engine.keeps_programs() or not _is_outermost():
             return self._jit(*args, **kwargs)
         leaves, entry = self._entry(args, kwargs)
         ready = None if entry is None else entry.ready()
@@ -135,7 +131,7 @@ class Program:
         if any(shape is None for shape in shapes):
             return leaves, None
         try:
-            key = (tree, static, shapes, trace_context())
+            key = (tree, static, shapes, tracing.trace_context())
             entry = self._by_call.get(key)
         except TypeError:  # what cannot be hashed: jax.jit says so better
             return leaves, None
@@ -144,7 +140,7 @@ class Program:
                 shapes = tuple(map(_shape, leaves))
             except TypeError:
                 return leaves, None
-            signature = _Signature(tree, static, shapes, trace_context())
+            signature = _Signature(tree, static, shapes, tracing.trace_context())
             entry = self._entries.setdefault(signature, _Entry(partial(self._make, signature)))
             self._by_call[key] = entry
         return leaves, entry
@@ -196,8 +192,6 @@ class Program:
         of_arrays.__name__ = of_arrays.__qualname__ = self.__name__
         lowered = jax.jit(of_arrays, donate_argnums=signature.donated(self._donated)).lower(*signature.structs())
         try:
-            if lowered._lowering.const_args:
-                raise NotImplementedError("arrays of the enclosing function")
             kept = pickle.dumps(out_tree)
         except Exception as cause:  # whatever a class of the result says of being pickled
             _note("%s is not kept: %s", self.__qualname__, cause)
@@ -297,6 +291,13 @@ _is_told = False
 _xla_cache_users = 0
 
 
+def _is_outermost() -> bool:
+    """Whether no other function is being compiled or differentiated."""
+    if tracing.MISSING:
+        _tell(f"programs are not kept with this release of JAX ({tracing.MISSING})")
+    return tracing.trace_state_clean()
+
+
 def _many(given: Any) -> tuple:
     return (given,) if isinstance(given, int | str) else tuple(given)
 
@@ -304,14 +305,14 @@ def _many(given: Any) -> tuple:
 def _shape_of_call(leaf: Any) -> Any:
     """Return what tells one program from another, quickly; None where an argument is none of ours."""
     kind = type(leaf)
-    if kind is ArrayImpl:
-        return None if leaf.committed and len(jax.devices()) > 1 else leaf.aval
     if kind is np.ndarray:
         return leaf.shape, leaf.dtype
     if kind in (float, int, bool, complex) or isinstance(leaf, np.generic):
         return kind
     if isinstance(leaf, Tracer):
         return None
+    if isinstance(leaf, jax.Array):
+        return None if leaf.committed and len(jax.devices()) > 1 else leaf.aval
     try:
         return _shape(leaf)
     except TypeError:
@@ -345,12 +346,18 @@ def _found(folder: Path, key: str) -> _Ready | None:
 
 def _loaded(content: bytes) -> _Ready:
     executable, arguments, kept = pickle.loads(zlib.decompress(content))
-    if b"lapack_" in executable:  # which JAX makes known when it lowers a call of it
-        initialize_lapack()
+    if b"lapack_" in executable:
+        _make_lapack_known()
     out_tree = pickle.loads(kept)
     trees = tree_structure(((0,) * arguments, {})), tree_structure([0] * out_tree.num_leaves)
     run = serialize_executable.deserialize_and_load(executable, *trees, execution_devices=jax.devices()[:1])
     return _Ready(run, out_tree)
+
+
+@lru_cache(maxsize=1)
+def _make_lapack_known() -> None:
+    """Have JAX tell XLA where LAPACK's functions are, as it does when it lowers a call of one."""
+    jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), np.float32))
 
 
 def _keep(folder: Path, key: str, run: Any, out_tree: bytes, arguments: int) -> None:
