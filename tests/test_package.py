@@ -84,7 +84,7 @@ def coefficients_here(tmp_path_factory):
 @pytest.mark.proof
 @pytest.mark.parametrize("version", ["3.12", "3.13"])
 def test_other_pythons_run_the_demonstration_and_the_quick_tests(version, clone, coefficients_here):
-    """In an environment of the locked packages, which make sets up as it does for a user; numbers are the same but for rounding."""
+    """In an environment of the locked packages, which make sets up as it does for a user: with a later JAX, and the numbers of this one."""
     outer = ("PYTHONPATH", "VIRTUAL_ENV", "MAKEFLAGS", "MFLAGS", "MAKELEVEL")
     environment = {name: value for name, value in os.environ.items() if name not in outer} | {"XLA_FLAGS": ""}
     demo = f"outputs/demo-{version}"
@@ -94,4 +94,4 @@ def test_other_pythons_run_the_demonstration_and_the_quick_tests(version, clone,
         assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
     theirs = pandas.read_csv(clone / demo / "results" / "coefficients.csv")
     columns = ["structure", "name", "unit", "mean", "sd", "probability"]
-    pandas.testing.assert_frame_equal(theirs[columns], coefficients_here[columns], rtol=1e-6)
+    pandas.testing.assert_frame_equal(theirs[columns], coefficients_here[columns], rtol=1e-5)
