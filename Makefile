@@ -7,7 +7,7 @@ DEMO := outputs/remus100
 PAGES := tests/cli tests/dashboard tests/campaign tests/core tests/docs tests/report
 CAMPAIGNS := $(PAGES) tests/logs tests/benchmark
 
-.PHONY: run test test-campaigns test-library quick proof proof-campaigns proof-library lint types imports examples bench figures notebooks docs dist lock clean
+.PHONY: run test test-campaigns test-library quick proof proof-campaigns proof-library pythons lint types imports examples bench figures notebooks docs dist lock clean
 
 run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
@@ -37,6 +37,10 @@ proof-campaigns: $(VENV)/ready
 
 proof-library: $(VENV)/ready
 	$(BIN)/python -m pytest -m proof --durations=25 tests studies $(PAGES:%=--ignore=%)
+
+# The part of `make proof` that runs `make quick` on other Pythons with their JAX; it says which Python is missing.
+pythons: $(VENV)/ready
+	$(BIN)/python -m pytest -m proof -rs tests/test_package.py -k other_pythons
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
