@@ -57,6 +57,7 @@ RANK, POINTS = 12, 500
 REACH, SHARE = 3.0, 0.6  # Reach of its kernel, in standard deviations of an input, and at least as a share of its mean
 RIDGE = 1e-7  # Of the kernel, for rounding
 MIN_RUNS = 3  # Runs from which on a difference between runs is told from an error of the model
+FEW = 12  # Parameters up to which all structures have the same programs, at the cost of columns of zeros
 SIDE_BY_SIDE = 8  # Slopes that are computed at once: each needs controls of its own over the whole record
 
 Kind = Literal[
@@ -199,8 +200,11 @@ def lay_out(
         return None
     motion.weigh()
     builder = _Builder(motion)
+    present = {*posterior.present_names}
     for effect, worth, stated_sd, columns in _sources(motion, stated, lags):
-        if among is None or effect in among:
+        if (effect.kind == "force" and effect.of in present) or not (among is None or effect in among):
+            builder.leave_out(columns)
+        else:
             builder.add(effect, worth, stated_sd, columns)
     own = np.zeros(builder.count) if sizes is None else sizes
     return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags, motion.force)
@@ -217,12 +221,16 @@ def linearise(posterior: Posterior, at: Perturbed) -> list[Float[np.ndarray, "tr
         one array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
     """
     point = np.concatenate([at.z, at.sizes])
-    filled = -(-point.size // SIDE_BY_SIDE) * SIDE_BY_SIDE  # as many in each call: one program
-    ways, slopes = np.eye(filled, point.size), []
-    for first in range(0, filled, SIDE_BY_SIDE):
+    moving = np.array(
+        [*range(at.z.size), *(at.z.size + place for source in at.sources for place in source.columns)], int
+    )
+    ways, parts = np.eye(point.size)[moving], []
+    ways = np.pad(ways, ((0, -len(ways) % SIDE_BY_SIDE), (0, 0)))  # as many in each call: one program
+    for first in range(0, len(ways), SIDE_BY_SIDE):
         shown, part = _shown_and_slopes(posterior, at.columns, at.z, at.sizes, ways[first : first + SIDE_BY_SIDE])
-        slopes.append(np.asarray(part))
-    slopes, shown = np.concatenate(slopes)[: point.size], np.asarray(shown)
+        parts.append(np.asarray(part))
+    shown, slopes = np.asarray(shown), np.zeros((point.size, *np.shape(shown)))
+    slopes[moving] = np.concatenate(parts)[: moving.size]
     result = []
     for i, channel in enumerate(posterior.data.channels):
         own = slopes[..., i]
@@ -327,11 +335,17 @@ class _Builder:
             self.parts[field].append((place, whole))
         self.count += len(columns)
 
+    def leave_out(self, columns: list[_Column]) -> None:
+        """Keep the places of what is no source here: structures of which it is one then have the same programs."""
+        for place, (field, *_) in enumerate(columns, self.count):
+            self.parts[field].append((place, np.zeros(_shape(self.motion.posterior, field))))
+        self.count += len(columns)
+
     def columns(self) -> Columns:
         """Return all columns."""
         empty = _no_columns(self.motion.posterior)._asdict()
         filled = {
-            name: (np.array([place for place, _ in part]), jnp.asarray(np.stack([values for _, values in part])))
+            name: (np.array([place for place, _ in part]), np.stack([values for _, values in part]))
             for name, part in self.parts.items()
             if part
         }
@@ -436,10 +450,10 @@ def _sources(
 
 def _forces(posterior: Posterior) -> list[CoefficientName]:
     """Return the terms that a model may lack: constant, linear, quadratic and cubic in the axis's own velocity, in that times the speed
-    ahead, linear in a control that drives other axes, and terms that other structures of the posterior have."""
+    ahead, linear in a control that drives other axes, and terms that other structures of the posterior have; and of a model with few
+    parameters those that it has itself, which others may lack."""
     model: VehicleModel = posterior.likelihood.model
     known = {CoefficientName.parse(name) for name, _ in model.constants if is_coefficient(name)}
-    present = {one for one in model.coefficients if one.text in posterior.present_names}
     everything = {*model.coefficients, *known}
     driven = {(one.axis, control) for one in everything for control in model.controls if control in one.signals}
     driven |= {(axis, f"tau_{axis}") for axis in model.disturbance_axes}
@@ -453,7 +467,9 @@ def _forces(posterior: Posterior) -> list[CoefficientName]:
         texts += [f"{axis}_u{speed}"] * (speed != "u" and {"u", speed} <= {*model.states})
         texts += [f"{axis}_{one}" for one in model.controls if one.startswith(COUPLED) and (axis, one) not in driven]
         terms |= dict.fromkeys(map(CoefficientName.parse, texts))
-    return [one for one in terms if one not in known and one not in present and one.axis in model.disturbance_axes]
+    rivals = posterior.present is not None and posterior.dim <= FEW
+    known |= set() if rivals else {one for one in model.coefficients if one.text in posterior.present_names}
+    return [one for one in terms if one not in known and one.axis in model.disturbance_axes]
 
 
 def _propels(control: str) -> bool:
@@ -576,7 +592,7 @@ def _shape(posterior: Posterior, field: str) -> tuple[int, ...]:
 
 def _no_columns(posterior: Posterior) -> Columns:
     nothing = np.zeros(0, int)
-    return Columns(*((nothing, jnp.zeros((0, *_shape(posterior, field)))) for field in Columns._fields))
+    return Columns(*((nothing, np.zeros((0, *_shape(posterior, field)))) for field in Columns._fields))
 
 
 @lru_cache(maxsize=64)

@@ -130,7 +130,8 @@ class LinearModel:
         self.channels: list[tuple[float, list[Shape]]] = []
         self.first: list[tuple[int, float]] = []
         for rows, channel, sensor in zip(expected, posterior.data.channels, likelihood.simulator.sensors, strict=True):
-            shapes = noise_shapes(sensor, values, channel, rows[..., kept]) if self.is_finite else []
+            shapes = noise_shapes(sensor, values, channel, rows) if self.is_finite else []
+            shapes = [Shape(one.products[np.ix_(kept, kept)], one.log_sd) for one in shapes]
             self.channels.append((float(np.asarray(channel.present).sum()), shapes))
             self.first.append((0, float(values[noise_name(sensor.channel)])))
         # Where a map bends, its slope is a part of the density of the prior; on the line it is none.
