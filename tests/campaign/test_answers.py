@@ -71,6 +71,19 @@ def test_what_has_changed_is_noticed(told, name):
     assert said(told) is None
 
 
+def test_probabilities_that_another_command_adds_to_the_coefficients_leave_an_answer_true(tmp_path):
+    def written(*rows):
+        return write_text(Store(tmp_path).coefficients, "\n".join(["structure,probability,name,mean", *rows, ""]))
+
+    with watching_files() as seen:
+        written("M-0,,X_u,-1.5", "M-1,,X_u,-1.25")
+    keep(Store(tmp_path).answer("report"), key(tmp_path), "fitted", seen)
+    written("M-0,0.25,X_u,-1.5", "M-1,0.75,X_u,-1.25")
+    assert said(tmp_path) == "fitted"
+    written("M-0,0.25,X_u,-1.5", "M-1,0.75,X_u,-1.26")
+    assert said(tmp_path) is None
+
+
 def test_another_question_gets_no_answer(told, monkeypatch, tmp_path_factory):
     assert said(told, asked={"command": "report", "block": "2 s"}) is None
     assert said(told, text="[campaign] ") is None

@@ -87,6 +87,16 @@ def test_other_options_are_another_question(told):
     assert [code for code, *_ in fresh(lines.format(words))] == [4, Exit.ALARMS, 4, 4, 4]
 
 
+def test_first_answers_stand_beside_the_whole_one(told):
+    found = fresh(
+        "running._worked = lambda home, reporter, work, answer: answer.say('anew') or running.Exit(0)\n"
+        "folder = sys.argv[-1]\nprint(json.dumps([said('estimate', folder, *by) for by in (['--by', 'mode'], [], ['--by', 'mode'])]))",
+        str(told),
+    )
+    assert [out for _, out, _ in found] == ["anew\n", f"seatrial estimate {told}\n", "anew\n"]
+    assert Store(told).answer("estimate-mode").is_file()
+
+
 def test_an_edited_campaign_is_looked_at_anew(told):
     (told / "campaign.toml").write_text((told / "campaign.toml").read_text() + "\n# a thought\n")
     lines = "running._worked = lambda *_: running.Exit(4)\nprint(json.dumps(said('report', sys.argv[-1])))"

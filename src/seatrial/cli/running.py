@@ -102,14 +102,16 @@ def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also:
 
     options = {name: str(value) for name, value in asked.params.items() if name not in ("quiet", "as_json")}
     file, command, answer = home / FILE_NAME, str(asked.info_name), current_answer()
+    # First answers stand beside the whole one: whoever asks for both in turn waits for neither.
+    place = "-".join([command, *(by for by in [options.get("by", "chains")] if by != "chains")])
     with watching_files() as seen:
         text = file.read_text(encoding="utf-8", errors="replace") if is_there(file) else ""
         keys = {name: key_of_answer(home, text, {"command": name, **options}) for name in (command, also)}
         for name, key in keys.items():
-            if (kept := recall(Store(home).answer(name), key)) is not None:
+            if (kept := recall(Store(home).answer(place if name == command else name), key)) is not None:
                 return answer.repeat(kept)
         code = _worked(home, reporter, work, answer)
-    keep(Store(home).answer(command), keys[command], answer.kept(code), seen)
+    keep(Store(home).answer(place), keys[command], answer.kept(code), seen)
     return code
 
 
@@ -141,7 +143,6 @@ def watched(quiet: bool, work: Callable[[Any], Exit]) -> None:
 
 def run_app(app: typer.Typer) -> None:
     """Run a command line; errors meant for the user are printed without a traceback, each kind with its exit code."""
-    from seatrial.cli.console import fail
     from seatrial.compiled import engine
     from seatrial.core.errors import SeatrialError, file_error
 
@@ -155,11 +156,17 @@ def run_app(app: typer.Typer) -> None:
     try:
         app()
     except SeatrialError as error:
-        fail(str(error))
+        _fail(error)
         sys.exit(code_of(error))
     except OSError as error:
-        fail(str(file_error(error)))
+        _fail(file_error(error))
         sys.exit(Exit.BAD_INPUT)
+
+
+def _fail(error: Exception) -> None:
+    from seatrial.cli.console import fail  # brings NumPy, without which the version is told
+
+    fail(str(error))
 
 
 def _stop(reporter: Any) -> None:

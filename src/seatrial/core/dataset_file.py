@@ -14,8 +14,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5netcdf
-import h5py
 import numpy as np
 
 from seatrial.core.dataset import Dataset, Variable
@@ -23,6 +21,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.files import atomic_path, depend_on
 
 if TYPE_CHECKING:
+    import h5py
     import xarray as xr
 
 SEAL = "sha256_of_content"
@@ -73,7 +72,7 @@ def open_dataset(path: Path) -> Dataset:
 
 
 @contextmanager
-def stored(path: Path) -> Iterator[h5py.File]:
+def stored(path: Path) -> "Iterator[h5py.File]":
     """Open a NetCDF file to read some of it; whatever goes wrong with that is damage.
 
     Raises:
@@ -93,6 +92,8 @@ def stored(path: Path) -> Iterator[h5py.File]:
     with _sound(path):
         if _is_changed(path, about.st_size, about.st_mtime_ns):
             raise _changed(path)
+        import h5py  # an answer that is given again reads no dataset
+
         with h5py.File(path) as file:
             dict(file.attrs)
             yield file
@@ -170,6 +171,8 @@ def _is_changed(path: Path, size: int, at: int) -> bool:
 
 def _encoded(dataset: Dataset) -> bytes:
     """Return a NetCDF-4 file as xarray would write it: missing numbers are NaN, booleans whole numbers, coordinates named by attributes."""
+    import h5netcdf
+
     stream, axes = BytesIO(), set(dataset.sizes)
     beside = sorted(dataset.coordinates - axes)
     with h5netcdf.File(stream, "w") as file:
@@ -190,6 +193,8 @@ def _encoded(dataset: Dataset) -> bytes:
 
 
 def _write_variable(file: Any, name: str, one: Variable, attrs: dict[str, str]) -> None:
+    import h5py
+
     values, kind = one.values, one.values.dtype.kind
     if kind == "b":
         values, attrs = values.astype("i1"), {**attrs, "dtype": "bool"}
@@ -201,11 +206,13 @@ def _write_variable(file: Any, name: str, one: Variable, attrs: dict[str, str]) 
     made.attrs.update({**one.attrs, **attrs})
 
 
-def _decoded(file: h5py.File) -> dict[str, Any]:
+def _decoded(file: "h5py.File") -> dict[str, Any]:
     """Return the parts of a dataset as `write_dataset` has encoded it, in an eighth of the time that xarray takes for any NetCDF file.
 
     Source: NetCDF-4 file format (dimension scales), and xarray's encoding of booleans, fill values and coordinates.
     """
+    import h5py
+
     variables: dict[str, Any] = {}
     attrs = _attributes(file)
     others = {*str(attrs.pop("coordinates", "")).split()}

@@ -46,7 +46,7 @@ def estimate(
             return _by_chains(campaign, reporter, answer)
         return _first_answers(campaign, reporter, answer, by, seconds)
 
-    with_campaign(folder, quiet, work, context if by is By.CHAINS else None)
+    with_campaign(folder, quiet, work, context)
 
 
 def profile(
