@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from seatrial.campaign.prior.predictive import PriorPredictive
-from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.estimates import Estimate, shortest_interval
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.argument_checks import check_choice, check_kind, check_names, check_numbers
 from seatrial.core.coefficients import is_coefficient
@@ -153,7 +153,7 @@ def posteriors(
             one.symbol,
             one.unit,
             prior=_shape(one.name, priors, result),
-            interval=_interval(drawn),
+            interval=shortest_interval(drawn),
             normal=_normal(one.name, mode, result),
             truth=truth.get(one.name),
         )
@@ -201,7 +201,9 @@ def pairs(
                 panel.set_axis_off()
             elif column == row:
                 drawn, known = low.draws.ravel(), truth.get(low.name)
-                draw_marginal(panel, drawn, low.symbol, low.unit, prior=None, interval=_interval(drawn), truth=known)
+                draw_marginal(
+                    panel, drawn, low.symbol, low.unit, prior=None, interval=shortest_interval(drawn), truth=known
+                )
             else:
                 pair = None if not {left.name, low.name} <= set(truth) else (truth[left.name], truth[low.name])
                 draw_pair(
@@ -390,14 +392,6 @@ def _normal(name: str, mode: Mode | None, result: Draws | Estimate) -> tuple[flo
         return None
     at = mode.names.index(name)
     return float(mode.values[at]), float(mode.sd[at])
-
-
-def _interval(draws: np.ndarray) -> tuple[float, float]:
-    """Return the shortest interval that holds 95 % of the draws."""
-    from arviz_stats.base.array import array_stats
-
-    lower, upper = array_stats.hdi(np.sort(draws), prob=0.95)
-    return float(lower), float(upper)
 
 
 def _curves(

@@ -13,7 +13,7 @@ weighing P_i, and zero weighing as much as the structures without the coefficien
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import isnan, nan
 from pathlib import Path
@@ -65,11 +65,17 @@ def write_coefficients(
     """
     probability = np.full(len(estimates), nan) if selection is None else selection.probability
     rows = [
-        {"structure": one.structure.label, "probability": float(weight), **row}
+        {"structure": one.structure.label, "probability": float(weight), "name": name, **row}
         for one, weight in zip(estimates, probability, strict=True)
-        for row in one.summary().reset_index(names="name").to_dict("records")
+        for name, row in zip(one.names, _rows(one.summary_columns()), strict=True)
     ]
     return _write(Store(folder).coefficients, OF_STRUCTURES, rows, shown)
+
+
+def _rows(columns: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table as plain numbers and texts."""
+    plain = [np.asarray(column).tolist() for column in columns.values()]
+    return (dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True))
 
 
 def write_averaged(folder: Path, rows: Sequence[StoredAverage], shown: Shown) -> Path:
