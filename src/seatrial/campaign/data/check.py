@@ -97,7 +97,7 @@ class RecordJudgement:
 
 def check_records(campaign: Campaign, trials: Trials) -> list[RecordJudgement]:
     """Judge every record, fitted and held back; vehicles of the priors say what is expected, as far as they agree."""
-    return [_judge(campaign, record) for record in (*trials.fit, *trials.predict)]
+    return _judge_all(campaign, (*trials.fit, *trials.predict))
 
 
 def record_doubts(campaign: Campaign, record: Record) -> list[Message]:
@@ -108,7 +108,7 @@ def record_doubts(campaign: Campaign, record: Record) -> list[Message]:
 
 def likely_causes(campaign: Campaign, records: Sequence[Record]) -> list[Message]:
     """Return the gravest findings about some records, at most three: why no model may explain them."""
-    judged = [_judge(campaign, record) for record in records]
+    judged = _judge_all(campaign, records)
     findings = [
         one.among(run=judgement.record.label)
         for judgement in judged
@@ -231,9 +231,15 @@ def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
     return dict(zip(names, tried.T, strict=True))
 
 
-def _judge(campaign: Campaign, record: Record) -> RecordJudgement:
+def _judge_all(campaign: Campaign, records: Sequence[Record]) -> list[RecordJudgement]:
+    """Judge records, all filled up to the longest: that takes less than to compile for each length."""
+    size = max((bucket_length(one.time.size) for one in records), default=0)
+    return [_judge(campaign, one, size) for one in records]
+
+
+def _judge(campaign: Campaign, record: Record, size: int) -> RecordJudgement:
     model = campaign.model(campaign.full)
-    alone, control = _trial(campaign.channels, record, model, initial_state(campaign, model, record))
+    alone, control = _trial(campaign.channels, record, model, initial_state(campaign, model, record), size)
     body = along_body(campaign, record)
     motion = _motion(campaign, body, alone, control)
     measured = motion.measured

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.compiled.batching import filled
 from seatrial.compiled.programs import program
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, GAUGE_CHANNELS, QUATERNION, RATES
@@ -275,9 +276,10 @@ def _rows(
     """
     everywhere = np.array([0.0] * len(model.coefficients) + [one.stated for one in model.unknowns])
     everywhere[at] = values
-    rate, slope = map(np.asarray, _linearised(model, rates)(everywhere, motion.state, motion.control))
-    slope = slope[..., at]
     step = np.diff(motion.time)
+    size = 1 << step.size.bit_length()  # records of like lengths share a program
+    rate, slope = _linearised(model, rates)(everywhere, filled(motion.state, size), filled(motion.control, size))
+    rate, slope = np.asarray(rate)[: step.size], np.asarray(slope)[: step.size][..., at]
     begins = np.arange(0, step.size, SAMPLES)
     made = np.add.reduceat(step[:, None] * rate, begins)
     design = np.add.reduceat(step[:, None, None] * slope, begins)
