@@ -88,13 +88,11 @@ def test_other_options_are_another_question(told):
 
 
 def test_first_answers_stand_beside_the_whole_one(told):
-    found = fresh(
-        "running._worked = lambda home, reporter, work, answer: answer.say('anew') or running.Exit(0)\n"
-        "folder = sys.argv[-1]\nprint(json.dumps([said('estimate', folder, *by) for by in (['--by', 'mode'], [], ['--by', 'mode'])]))",
-        str(told),
-    )
+    lines = "running._worked = lambda home, reporter, work, answer: answer.say('anew') or running.Exit(0)\nfolder = sys.argv[-1]\n"
+    asked = [["--by", "equation-error"], [], ["--by", "equation-error"]]
+    found = fresh(f"{lines}print(json.dumps([said('estimate', folder, *by) for by in {asked}]))", str(told))
     assert [out for _, out, _ in found] == ["anew\n", f"seatrial estimate {told}\n", "anew\n"]
-    assert Store(told).answer("estimate-mode").is_file()
+    assert Store(told).answer("estimate-equation-error").is_file()
 
 
 def test_an_edited_campaign_is_looked_at_anew(told):

@@ -16,8 +16,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float, Int
-from scipy.special import betaincinv
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
@@ -208,7 +208,7 @@ def least_rooms(
 
 def probability_at_least(held: Int[np.ndarray, "*any"], draws: int) -> Float[np.ndarray, "*any"]:
     """Lower bound of the probability of what held in so many of the draws (Clopper and Pearson, one-sided)."""
-    return np.where(held > 0, betaincinv(np.maximum(held, 1), draws - held + 1, 1 - CONFIDENCE), 0.0)
+    return np.where(held > 0, scipy.special.betaincinv(np.maximum(held, 1), draws - held + 1, 1 - CONFIDENCE), 0.0)
 
 
 def check_runs(

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy.special import ndtr, ndtri
 
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.result_table import table_html, table_text
@@ -207,7 +207,7 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
         at = moving[place]
         shift = np.array([one.values[at] - x[place] for one in widened]) / sd[place]
         width = np.array([np.sqrt(one.cov[at, at]) for one in widened]) / sd[place]
-        ratio[k] = max(1.0, half_width(weight, shift[:, None], width[:, None])[0] / ndtri(BAND))
+        ratio[k] = max(1.0, half_width(weight, shift[:, None], width[:, None])[0] / scipy.special.ndtri(BAND))
         added = model.added(widened, weight, at, x[place])
         shares[:, k] = _by_origin(model.sources, added)
         causes[k] = _most(model.sources, added[1:])
@@ -353,6 +353,6 @@ def half_width(
     share, low, high = weight / weight.sum(), np.zeros(shift.shape[1]), (np.abs(shift) + 4 * sd).max(0)
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        held = share @ (ndtr((middle - shift) / sd) - ndtr((-middle - shift) / sd))
+        held = share @ (scipy.special.ndtr((middle - shift) / sd) - scipy.special.ndtr((-middle - shift) / sd))
         low, high = np.where(held < 2 * BAND - 1, middle, low), np.where(held < 2 * BAND - 1, high, middle)
     return high

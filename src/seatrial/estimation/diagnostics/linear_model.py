@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Int
-from scipy.special import log_ndtr
 
 from seatrial.compiled.programs import program
 from seatrial.estimation.diagnostics.error_sources import Effect, Perturbed, linearise
@@ -442,8 +442,8 @@ def cut(
         low, high = (edges[k] - values[:, k, None]).T / sd
         turned = np.where(low > -high, -1.0, 1.0)  # the tail in which logs keep their digits
         low, high = np.where(turned < 0, -high, low), np.where(turned < 0, -low, high)
-        log_high = log_ndtr(high)
-        share = log_high + np.log(-np.expm1(np.minimum(log_ndtr(low) - log_high, -TINY)))
+        log_high = scipy.special.log_ndtr(high)
+        share = log_high + np.log(-np.expm1(np.minimum(scipy.special.log_ndtr(low) - log_high, -TINY)))
         at_low, at_high = (np.exp(-0.5 * edge**2 - LOG_ROOT - share) for edge in (low, high))
         shift = at_low - at_high
         with np.errstate(invalid="ignore"):

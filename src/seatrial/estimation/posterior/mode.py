@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
-from scipy.special import ndtr, ndtri
 
 from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_count, check_numbers
@@ -343,9 +342,9 @@ def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.G
     if DELAY in posterior.present_names:  # between the peaks along a delay the density falls and rises again
         reach[np.tile(np.abs(vectors[posterior.names.index(DELAY)]) > 0.5, 2)] = np.inf
     steps = random.standard_normal((count, mode.z.size))
-    above, below = np.split(ndtr(reach) - 0.5, 2)
+    above, below = np.split(scipy.special.ndtr(reach) - 0.5, 2)
     share = 2.0 * np.where(steps > 0, above, below)
-    cut = np.sign(steps) * ndtri(0.5 + share * (ndtr(np.abs(steps)) - 0.5))
+    cut = np.sign(steps) * scipy.special.ndtri(0.5 + share * (scipy.special.ndtr(np.abs(steps)) - 0.5))
     return mode.z + np.where(share < 1.0, cut, steps) @ factor.T
 
 

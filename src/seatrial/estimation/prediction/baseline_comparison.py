@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import stdtr
 
 from seatrial.estimation.prediction.fit_verdict import FitLevel
 from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, independent_samples
@@ -158,4 +158,4 @@ def _chance(runs: Sequence[Run], first: Sequence[Predicted], second: Sequence[Pr
         between = count / (count - 1) * float(np.sum(weights**2 * (means - total) ** 2))
         if between > variance:
             variance, freedom = between, count - 1.0
-    return float(stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5
+    return float(scipy.special.stdtr(freedom, -total / np.sqrt(variance))) if variance > 0 else 0.5

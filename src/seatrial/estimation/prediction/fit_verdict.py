@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from scipy.special import betainc
+import scipy
 
 from seatrial.core.findings import Finding, Level, Value
 from seatrial.estimation.prediction.prediction_scores import (
@@ -119,7 +119,7 @@ def judge_fit(
     if has_few or (held_back and score.coverage < NARROW):
         return finding("samples-too-few", "note", *(("hold-back-more",) if held_back else ()))
     n, inside = score.effective, score.coverage
-    if inside > WIDE and betainc(n * inside, n * (1 - inside) + 1, BAND) < CHANCE:
+    if inside > WIDE and scipy.special.betainc(n * inside, n * (1 - inside) + 1, BAND) < CHANCE:
         return finding("band-too-wide", "caution", "compare-sensors")
     return finding("prediction-agrees", "pass")
 

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
-from scipy.linalg import solve_banded
 
 ROWS = 2000  # Measured samples, evenly taken from all, on which the grid is judged
 CONSTANTS = {1: 24, 2: 12}  # Time constants in the grid, by order
@@ -95,7 +94,7 @@ def lag_response(
     bands[1, :-1] = -decay
     driven = np.zeros_like(change)
     driven[1:] = (1 - decay)[:, None] * change[:-1]
-    response = solve_banded((1, 0), bands, driven, check_finite=False)
+    response = scipy.linalg.solve_banded((1, 0), bands, driven, check_finite=False)
     seen = time[at] - delay
     before = np.searchsorted(time, seen, side="right") - 1
     known = before >= 0

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy.special import ndtr, ndtri
 
 from seatrial.compiled.programs import program
 from seatrial.compiled.random_keys import fold_in
@@ -403,11 +403,11 @@ def within_bounds(
         return np.asarray(drawn)
     varying, _ = of_deviation(name)
     spread = np.maximum(np.asarray(known[spread_name(varying)]), np.finfo(float).tiny)
-    low, high = (ndtr((bound - np.asarray(known[varying])) / spread) for bound in priors[varying].bounds)
+    low, high = (scipy.special.ndtr((bound - np.asarray(known[varying])) / spread) for bound in priors[varying].bounds)
     share = np.asarray(jax.random.uniform(jax.random.fold_in(key, 1), spread.shape, minval=1e-12))
-    probability = ndtr(np.asarray(drawn))
+    probability = scipy.special.ndtr(np.asarray(drawn))
     inside = (low <= probability) & (probability <= high)
-    return np.where(inside, drawn, ndtri(low + share * (high - low)))
+    return np.where(inside, drawn, scipy.special.ndtri(low + share * (high - low)))
 
 
 def _prior_of_unseen(

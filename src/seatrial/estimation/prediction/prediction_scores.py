@@ -35,7 +35,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 from jaxtyping import Float
-from scipy.special import betainc, betaincinv, chdtrc, ndtr, ndtri
 
 from seatrial.core.result_table import text_html
 
@@ -173,25 +172,25 @@ def crps_normal(
         sd: predicted standard deviations, noise included, shape (n,).
     """
     z = (measured - mean) / sd
-    return sd * (z * (2 * ndtr(z) - 1) + 2 * np.exp(-0.5 * z**2 - 0.5 * LOG_2PI) - 1 / np.sqrt(np.pi))
+    return sd * (z * (2 * scipy.special.ndtr(z) - 1) + 2 * np.exp(-0.5 * z**2 - 0.5 * LOG_2PI) - 1 / np.sqrt(np.pi))
 
 
 def coverage(z: Float[np.ndarray, " n"], level: float) -> float:
     """Share of normalised residuals inside the central band of this probability."""
-    return float(np.mean(np.abs(z) <= ndtri(0.5 + 0.5 * level)))
+    return float(np.mean(np.abs(z) <= scipy.special.ndtri(0.5 + 0.5 * level)))
 
 
 def share_range(share: float, n: float) -> tuple[float, float]:
     """Return the 95 % range of a probability of which this share was found among n samples; n need not be whole."""
     k = share * n
-    lower = float(betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
-    upper = float(betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
+    lower = float(scipy.special.betaincinv(k, n - k + 1, TAIL)) if share > 0 else 0.0
+    upper = float(scipy.special.betaincinv(k + 1, n - k, 1 - TAIL)) if share < 1 else 1.0
     return lower, upper
 
 
 def probability_of_so_few(share: float, n: float) -> float:
     """Return the probability that n samples, each inside a 90 % band with probability 0.9, are inside by this share or less."""
-    return float(betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
+    return float(scipy.special.betainc(n * (1 - share), n * share + 1, 1 - BAND)) if share < 1 else 1.0
 
 
 def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, float]:
@@ -203,7 +202,9 @@ def band_factor(z: Float[np.ndarray, " n"], n: float) -> tuple[float, float, flo
         z: normalised residuals of all runs.
         n: independent samples that they are worth.
     """
-    factor, lower, upper = map(float, np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / ndtri(0.5 + 0.5 * BAND))
+    factor, lower, upper = map(
+        float, np.quantile(np.abs(z), [BAND, *share_range(BAND, n)]) / scipy.special.ndtri(0.5 + 0.5 * BAND)
+    )
     return factor, lower, upper
 
 
@@ -233,7 +234,7 @@ def long_run_variance(
             break
         if variance > 0:
             ratio, freedom, tried = 1 + 2 * float(weight @ correlation[1:]), 2 / variance, tried + 1
-            p_value = min(p_value, float(chdtrc(freedom, max(0.0, freedom * ratio))))
+            p_value = min(p_value, float(scipy.special.chdtrc(freedom, max(0.0, freedom * ratio))))
             if (ratio - 1) / np.sqrt(variance) > clearest:
                 clearest, result = (ratio - 1) / np.sqrt(variance), 1 + 2 * float(correlation[1:lag].sum())
         lag *= 2
@@ -272,7 +273,7 @@ def score_channel(runs: Sequence[PredictedRun]) -> Score:
     n = independent_samples([(run.time, one) for run, one in zip(runs, own, strict=True)])
     n /= 1 + max(0.0, n - 1) * motion_share**2
     inside, variance = coverage(z, BAND), float(np.mean(z**2))
-    large = float(chdtrc(max(n, 1.0), max(n, 1.0) * variance)) if variance > BURST else 1.0
+    large = float(scipy.special.chdtrc(max(n, 1.0), max(n, 1.0) * variance)) if variance > BURST else 1.0
     (lower, upper), widen = share_range(inside, n), band_factor(z, n)
     new = long_run_variance(
         [(run.time, new_residuals(run.time, one, run.slow)) for run, one in zip(runs, own, strict=True)]
@@ -294,7 +295,7 @@ def score_channel(runs: Sequence[PredictedRun]) -> Score:
         widen=widen[0],
         widen_lower=widen[1],
         widen_upper=widen[2],
-        pit=tuple(map(float, np.histogram(ndtr(z), BINS, (0.0, 1.0))[0] / z.size)),
+        pit=tuple(map(float, np.histogram(scipy.special.ndtr(z), BINS, (0.0, 1.0))[0] / z.size)),
         white=new.p_value,
         sd_factor=float(np.sqrt(new.ratio)),
         noise_share=min(1.0, float(noise_sd @ noise_sd) / total) if total else 1.0,

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from scipy.special import log_expit
 
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, check_order, is_traced
@@ -185,4 +184,4 @@ def bent(line: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -
 
 def log_slopes(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
     """Return the log of the slope of the straight line over z, by component."""
-    return log_expit((z - edges[:, 0]) / BEND_LENGTH) + log_expit((edges[:, 1] - z) / BEND_LENGTH)
+    return -np.logaddexp(0.0, (edges[:, 0] - z) / BEND_LENGTH) - np.logaddexp(0.0, (z - edges[:, 1]) / BEND_LENGTH)

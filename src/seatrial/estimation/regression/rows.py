@@ -21,8 +21,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 from jaxtyping import Float, Int
-from scipy import sparse
-from scipy.linalg import LinAlgError, cholesky_banded, solve_banded
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, NumericalError
@@ -123,8 +121,8 @@ def row_factor(covariance: RowCovariance, process: float) -> Float[np.ndarray, "
         NumericalError: windows of which one is a combination of others.
     """
     try:
-        return cholesky_banded(covariance.sensors + process * covariance.force, lower=True)
-    except LinAlgError as error:
+        return scipy.linalg.cholesky_banded(covariance.sensors + process * covariance.force, lower=True)
+    except scipy.linalg.LinAlgError as error:
         raise NumericalError(
             "the noise of some windows is a combination of that of others: take windows without overlap, or of another width"
         ) from error
@@ -133,7 +131,9 @@ def row_factor(covariance: RowCovariance, process: float) -> Float[np.ndarray, "
 def whiten(raw: RawRows, factors: Sequence[Float[np.ndarray, "b m"]]) -> RawRows:
     """Return the rows multiplied by the inverse of each equation's factor."""
     table = np.concatenate([raw.design, raw.target[:, :, None]], axis=2)
-    free = np.stack([solve_banded((len(f) - 1, 0), f, part) for f, part in zip(factors, table, strict=True)])
+    free = np.stack(
+        [scipy.linalg.solve_banded((len(f) - 1, 0), f, part) for f, part in zip(factors, table, strict=True)]
+    )
     return RawRows(free[:, :, :-1], free[:, :, -1])
 
 
@@ -272,14 +272,14 @@ def check_regressors(equations: Sequence[AxisEquation], rows: RawRows) -> None:
 
 def _sensors(
     equation: AxisEquation, trial: TrialRows, values: Mapping[str, float], noise: Mapping[str, float]
-) -> sparse.csr_array:
+) -> "scipy.sparse.csr_array":
     windows = trial.windows
-    total = sparse.csr_array((windows.centre.size, windows.centre.size))
+    total = scipy.sparse.csr_array((windows.centre.size, windows.centre.size))
     acting = [(term, values.get(term.text, 0.0)) for term in equation.terms] + list(equation.known)
     for name in trial.signals:
         if name in trial.held or noise[name] == 0.0:
             continue
-        moved = sparse.csr_array(windows.rate.shape)
+        moved = scipy.sparse.csr_array(windows.rate.shape)
         inertia = equation.inertia * (name == equation.rate + windows.suffix)
         inertia -= sum(c for term, c in acting if term.is_added_mass and name == term.signals[0] + windows.suffix)
         if inertia:
@@ -288,18 +288,18 @@ def _sensors(
         if forces:
             for weight, signals in zip((windows.left, windows.right), trial.ends(), strict=True):
                 slope = force_slope(equation, forces, signals, name, noise[name])
-                moved = moved - weight @ sparse.diags_array(slope)
+                moved = moved - weight @ scipy.sparse.diags_array(slope)
         total = total + noise[name] ** 2 * (moved @ moved.T)
     return total
 
 
-def _depth(matrix: sparse.csr_array) -> int:
+def _depth(matrix: "scipy.sparse.csr_array") -> int:
     """Return the number of diagonals from the main one to the farthest that is not zero."""
     row, column = map(np.asarray, matrix.nonzero())
     return int((row - column).max(initial=0)) + 1
 
 
-def _band(matrix: sparse.csr_array, depth: int) -> Float[np.ndarray, "b m"]:
+def _band(matrix: "scipy.sparse.csr_array", depth: int) -> Float[np.ndarray, "b m"]:
     """Return the lower band of a symmetric matrix."""
     diagonals = [matrix.diagonal(-offset) for offset in range(depth)]
     return np.array([np.pad(one, (0, offset)) for offset, one in enumerate(diagonals)])

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy import sparse
 
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
@@ -43,10 +43,10 @@ class Windows(NamedTuple):
 
     centre: Float[np.ndarray, " m"]
     index: Int[np.ndarray, " m"]
-    left: sparse.csr_array
-    right: sparse.csr_array
-    rate: sparse.csr_array
-    white: sparse.csr_array
+    left: "scipy.sparse.csr_array"
+    right: "scipy.sparse.csr_array"
+    rate: "scipy.sparse.csr_array"
+    white: "scipy.sparse.csr_array"
     suffix: str
 
 
@@ -134,7 +134,7 @@ def bump_windows(
         )
     at = (np.concatenate(rows), np.concatenate(columns))
     left, right, rate, white = (
-        sparse.csr_array((np.concatenate(weight), at), shape=(len(kept), time.size)) for weight in weights
+        scipy.sparse.csr_array((np.concatenate(weight), at), shape=(len(kept), time.size)) for weight in weights
     )
     return Windows(centres[kept], np.array(kept), left, right, rate, white, "")
 
@@ -153,8 +153,8 @@ def samples(time: Float[np.ndarray, " n"], present: Bool[np.ndarray, " n"], labe
             expected="velocities and accelerations at the same instants",
             remedy="import the record at the step of its slowest sensor, or use windows, which need no acceleration",
         )
-    one = sparse.csr_array((np.ones(kept.size), (np.arange(kept.size), kept)), shape=(kept.size, time.size))
-    nothing = sparse.csr_array(one.shape)
+    one = scipy.sparse.csr_array((np.ones(kept.size), (np.arange(kept.size), kept)), shape=(kept.size, time.size))
+    nothing = scipy.sparse.csr_array(one.shape)
     return Windows(time[kept], kept, one, nothing, one, nothing, "dot")
 
 
