@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float, Int
-from scipy.special import logsumexp
 
 from seatrial.compiled.batching import map_lanes
 from seatrial.compiled.programs import program
@@ -140,7 +140,7 @@ def explain(
     t = np.stack([_student(random, inner, z.shape[1]) for random in _generators(draw_key, which)])
     result = _explain(plan, belief, control, z, noise, t, climbs)
     log_prior, log_weight, origin = jax.tree.map(np.asarray, result)
-    total, double = (np.asarray(logsumexp(times * log_weight, axis=1)) for times in (1.0, 2.0))
+    total, double = (np.asarray(scipy.special.logsumexp(times * log_weight, axis=1)) for times in (1.0, 2.0))
     ess = np.exp(2.0 * total - double)
     return Explained(np.log(inner) - total, _chance(np.asarray(z), origin) - log_prior, ess)
 
