@@ -41,7 +41,9 @@ class Gaussian(NamedTuple):
 def _cholesky(cov: Any) -> Any:
     """Lower factor, NaN where there is none, by NumPy as by JAX."""
     xp = array_module(cov)
-    if xp is not np and cov.ndim == 2:  # LAPACK in a program has JAX load SciPy, which takes longer than a sweep of designs
+    if (
+        xp is not np and cov.ndim == 2
+    ):  # with LAPACK in it a program has JAX load SciPy, which takes longer than a sweep
         from seatrial.numerics.triangular import cholesky_of_array
 
         return cholesky_of_array(cov)

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.special import logsumexp
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
@@ -139,7 +139,7 @@ def _integrate(
     log_shell = log_mass - shrink + np.log(-np.expm1(shrink))
     log_likelihood = np.concatenate([*dead, last])
     log_term = np.concatenate([log_shell, np.full(live, log_mass[-1] - np.log(live))]) + log_likelihood
-    log_evidence = float(logsumexp(log_term))
+    log_evidence = float(scipy.special.logsumexp(log_term))
     share = np.exp(log_term - log_evidence)
     return log_evidence, float(share @ (log_likelihood - log_evidence)), share
 

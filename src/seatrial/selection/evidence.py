@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from scipy.special import ndtri, stdtrit
+import scipy
 
 from seatrial.core.argument_checks import check_count, check_kind
 from seatrial.core.errors import NumericalError
@@ -155,4 +155,4 @@ def combine_nested(runs: Sequence[NestedRun], live: int) -> Evidence:
 
 def _widened(variance: float, repeats: int, freedom: int) -> float:
     """Standard error of a mean, widened for the uncertainty of its own variance."""
-    return float(np.sqrt(variance / repeats) * stdtrit(freedom, 0.975) / ndtri(0.975))
+    return float(np.sqrt(variance / repeats) * scipy.special.stdtrit(freedom, 0.975) / scipy.special.ndtri(0.975))

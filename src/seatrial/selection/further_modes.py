@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float
-from scipy.special import chdtri
 
 from seatrial.compiled.pytrees import compiled_tree
 from seatrial.compiled.random_keys import split
@@ -140,7 +140,7 @@ def _is_new(
 ) -> Bool[np.ndarray, " n"]:
     """Return whether points lie far from all modes, or higher than them."""
     away = np.min([distance(laplace_proposal(mode, edges), z) for mode in modes], 0)
-    return (away > chdtri(z.shape[1], FAR_TAIL)) | _is_higher_mode(modes, height)
+    return (away > scipy.special.chdtri(z.shape[1], FAR_TAIL)) | _is_higher_mode(modes, height)
 
 
 def _is_higher_mode(modes: Sequence[Mode], height: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

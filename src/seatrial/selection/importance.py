@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
-from scipy.linalg import solve_triangular
-from scipy.special import gammaln, logsumexp, stdtr, stdtrit
 
 from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.errors import NumericalError
@@ -232,7 +231,7 @@ def draw_mixture(proposals: Sequence[ProposalComponent], key: jax.Array, n: int)
 
 def log_mixture(proposals: Sequence[ProposalComponent], z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """Return the log density of the proposals, each with its share, at some positions."""
-    return np.asarray(logsumexp(_log_shares(proposals, z), 0))
+    return np.asarray(scipy.special.logsumexp(_log_shares(proposals, z), 0))
 
 
 def refit(
@@ -249,7 +248,7 @@ def refit(
     """
     result = np.exp(weights.smoothed - _log_sum(weights.smoothed))
     log_shares = _log_shares(proposals, weights.z)
-    belongs = result * np.exp(log_shares - logsumexp(log_shares, 0))
+    belongs = result * np.exp(log_shares - scipy.special.logsumexp(log_shares, 0))
     line, count, refitted = straightened(weights.z, edges), len(proposals), []
     for proposal, part in zip(proposals, belongs, strict=True):
         total = float(part.sum())
@@ -304,7 +303,9 @@ def _order(proposal: ProposalComponent) -> tuple[Int[np.ndarray, " d"], Float[np
 def _steps(proposal: ProposalComponent, z: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "d n"]:
     """Return the independent steps of unit scale that lead from the centre to z, in the order in which they are drawn."""
     order, factor = _order(proposal)
-    return solve_triangular(factor, (straightened(z, proposal.edges) - proposal.centre)[:, order].T, lower=True)
+    return scipy.linalg.solve_triangular(
+        factor, (straightened(z, proposal.edges) - proposal.centre)[:, order].T, lower=True
+    )
 
 
 def _limits(
@@ -324,8 +325,8 @@ def _draw(proposal: ProposalComponent, random: np.random.Generator, n: int) -> F
     steps, stretch = np.empty((d, n)), np.sqrt(FREEDOM / random.chisquare(FREEDOM, n))
     scale = np.where(random.uniform(size=n) < WIDE_SHARE, WIDE_SCALE, 1.0)
     for row in range(leaning):
-        begin, end = (stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
-        steps[row] = scale * stdtrit(FREEDOM, begin + (end - begin) * random.uniform(size=n))
+        begin, end = (scipy.special.stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
+        steps[row] = scale * scipy.special.stdtrit(FREEDOM, begin + (end - begin) * random.uniform(size=n))
     steps[leaning:] = ((scale * stretch)[:, None] * random.normal(size=(n, d - leaning))).T
     place = np.empty((n, d))
     place[:, order] = proposal.centre[order] + steps.T @ factor.T
@@ -352,7 +353,7 @@ def _log_steps(
     leaning, d = proposal.leaning.size, proposal.centre.size
     log_density = _log_student(np.sum(steps[leaning:] ** 2, 0), d - leaning, scale)
     for row in range(leaning):
-        begin, end = (stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
+        begin, end = (scipy.special.stdtr(FREEDOM, limit / scale) for limit in _limits(proposal, steps, row))
         log_density += _log_student(steps[row] ** 2, 1, scale) - np.log(end - begin)
     return log_density
 
@@ -360,9 +361,14 @@ def _log_steps(
 def _log_student(square: Float[np.ndarray, " n"], d: int, scale: float = 1.0) -> Float[np.ndarray, " n"]:
     """Return the log density of t_8 in d dimensions at squared distances from its centre."""
     power = 0.5 * (FREEDOM + d)
-    constant = gammaln(power) - gammaln(0.5 * FREEDOM) - 0.5 * d * np.log(FREEDOM * np.pi) - d * np.log(scale)
+    constant = (
+        scipy.special.gammaln(power)
+        - scipy.special.gammaln(0.5 * FREEDOM)
+        - 0.5 * d * np.log(FREEDOM * np.pi)
+        - d * np.log(scale)
+    )
     return constant - power * np.log1p(square / (FREEDOM * scale**2))
 
 
 def _log_sum(x: np.ndarray) -> float:
-    return float(logsumexp(x))
+    return float(scipy.special.logsumexp(x))

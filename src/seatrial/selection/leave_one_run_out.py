@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import logsumexp
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
@@ -87,7 +87,7 @@ def leave_one_run_out(
         with np.errstate(invalid="ignore"):
             gained = _log_likelihood(known, runs.sums[-1]) - _log_likelihood(known, runs.sums[r])
         joint = weights + np.where(np.isnan(gained), -np.inf, gained)
-        elpd = float(logsumexp(joint))
+        elpd = float(scipy.special.logsumexp(joint))
         if not np.isfinite(elpd):
             raise NumericalError(
                 f'leave one run out: no draw that the others allow gives "{label}" a finite density: the model diverges there'
@@ -105,7 +105,7 @@ def leave_one_run_out(
         poor += [f"{label} (k-hat {k_hat:.2f})"] * (not k_hat <= MAX_K_HAT)
         progress(3 + r, count + 2)
     status = f"the score of {', '.join(poor)} depends on a few draws: the posterior is far from normal" if poor else ""
-    log_evidence = float(logsumexp(_log_weight(known, runs.sums[-1]))) - float(np.log(len(known.z)))
+    log_evidence = float(scipy.special.logsumexp(_log_weight(known, runs.sums[-1]))) - float(np.log(len(known.z)))
     bands = {name: judge_runs([one[name] for one in predicted], name) for name in predicted[0]}
     return LeaveOneRunOut(tuple(left_out), bands, log_evidence, status)
 
@@ -205,7 +205,7 @@ def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"]
         smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
     sound = bool(np.isfinite(k_hat) and np.isfinite(smoothed).all())
     kept = np.asarray(smoothed) if sound else log_weight
-    return kept - float(logsumexp(kept)), float(k_hat) if sound else MISSING_TAIL_INDEX
+    return kept - float(scipy.special.logsumexp(kept)), float(k_hat) if sound else MISSING_TAIL_INDEX
 
 
 def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarray) -> ProposalComponent:

@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.special import chdtri
 
 from seatrial.compiled.random_keys import fold_in, split
 from seatrial.core.argument_checks import check_kind
@@ -366,7 +366,7 @@ def _missed_peak(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known
     if not cold.size:
         return ["the particles could not be cooled, so no further peaks were searched for"]
     # The mode of a normal posterior lies so far above the highest of its particles that one in a thousand is farther.
-    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(chdtri(posterior.dim, 1.0 - 1e-3))
+    normal = float(evaluate(posterior, warm).max()) + 0.5 * float(scipy.special.chdtri(posterior.dim, 1.0 - 1e-3))
     rise = float(evaluate(posterior, cold).max()) - max([*known, normal])
     if rise <= MIN_PEAK_RISE:
         return []

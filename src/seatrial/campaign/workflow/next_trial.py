@@ -6,9 +6,9 @@ with log odds l now is true; they are settled beyond 19 to 1. It holds where a t
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import numpy as np
-import scipy
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
@@ -226,7 +226,8 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
     enough, spread = np.log(DECIDED / (1 - DECIDED)), np.sqrt(2 * m)
 
     def beyond(mean: float) -> float:
-        return float(scipy.special.ndtr((mean - enough) / spread) + scipy.special.ndtr((-mean - enough) / spread))
+        normal = NormalDist(0.0, spread)
+        return normal.cdf(mean - enough) + normal.cdf(-mean - enough)
 
     return share * beyond(odds + m) + (1 - share) * beyond(-odds + m)
 

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float, Int
-from scipy.special import logsumexp
 
 from seatrial.compiled.batching import lanes_at_once, map_lanes
 from seatrial.compiled.programs import program
@@ -247,7 +247,7 @@ def marginal_log_likelihoods(
         narrow = 0.5 * np.log(values).sum() - 0.5 * (values * along**2).sum(-1) + np.log(2 * pairs)
         broad = -0.5 * (z**2).sum(-1) + (np.log(wide) if wide else -np.inf)
         proposed = np.logaddexp(narrow, broad) - 0.5 * own.size * np.log(2 * np.pi)
-        columns.append(logsumexp(np.where(np.isnan(density), -np.inf, density) - proposed, 0))
+        columns.append(scipy.special.logsumexp(np.where(np.isnan(density), -np.inf, density) - proposed, 0))
     table = np.stack(columns, 1)
     return np.where(np.isnan(table), -np.inf, table)
 

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.linalg import cho_factor, cho_solve
-from scipy.special import gammaln
 
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.selection.subsets.gram import Gram
@@ -132,8 +131,11 @@ def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
     inverse, mean = np.zeros((0, 0)), np.zeros(0)
     explained = 0.0
     if chosen.size:
-        factor = cho_factor(posterior.matrix[np.ix_(chosen, chosen)], lower=True)
-        inverse, mean = cho_solve(factor, np.eye(chosen.size)), cho_solve(factor, posterior.moment[chosen])
+        factor = scipy.linalg.cho_factor(posterior.matrix[np.ix_(chosen, chosen)], lower=True)
+        inverse, mean = (
+            scipy.linalg.cho_solve(factor, np.eye(chosen.size)),
+            scipy.linalg.cho_solve(factor, posterior.moment[chosen]),
+        )
         explained = float(mean @ posterior.moment[chosen])
         ratio -= 2 * np.log(np.diag(factor[0])).sum() * posterior.determinant
     rate = 0.5 * (2 * prior.rate + stats.square + posterior.square[chosen].sum() - explained)
@@ -150,7 +152,7 @@ def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
 def evidence_constant(stats: Gram, prior: Prior) -> float:
     """Return what all structures have in common: log p(y | S) less 1/2 log(|L0|/|A|) and plus a log(2 b)."""
     shape = prior.shape + 0.5 * stats.n
-    noise = prior.shape * np.log(prior.rate) + gammaln(shape) - gammaln(prior.shape)
+    noise = prior.shape * np.log(prior.rate) + scipy.special.gammaln(shape) - scipy.special.gammaln(prior.shape)
     return float(noise + shape * np.log(2) - 0.5 * stats.n * np.log(2 * np.pi))
 
 
