@@ -9,12 +9,13 @@ import jax
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.data.check import check_records
+from seatrial.campaign.data.check import check_records, likely_causes
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.data.simulate import simulated_records
 from seatrial.campaign.design.sweep import design_first
 from seatrial.campaign.inference.estimate import estimate_all
 from seatrial.campaign.inference.identifiability import known_before
+from seatrial.campaign.inference.quick_estimates import posterior_modes
 from seatrial.campaign.prior.predictive import predict_from_prior
 from seatrial.campaign.selection.evidence import select_structure
 from tests.campaign.small import write_small
@@ -41,6 +42,15 @@ def test_every_command_needs_few_programs(tmp_path, programs):
     assert programs(simulated_records, campaign) <= 2
     assert programs(lambda: check_records(campaign, get_trials(campaign))) <= 3
     assert programs(predict_from_prior, campaign) <= 4
+    assert programs(posterior_modes, campaign, get_trials(campaign)) <= 10
+
+
+def test_records_of_any_length_are_judged_by_the_same_programs(tmp_path, programs):
+    campaign = load_campaign(write_small(tmp_path, lasting(35.1)))
+    (record,) = get_trials(campaign).fit
+    part = replace(record, time=record.time[:150], control=record.control[:150], measurement=record.measurement[:150])
+    likely_causes(campaign, [record])
+    assert programs(likely_causes, campaign, [part, record]) == 0
 
 
 @pytest.mark.proof
@@ -64,6 +74,6 @@ def test_all_structures_share_what_is_compiled(tmp_path, programs):
     campaign = load_campaign(write_small(tmp_path, lasting(43.1), *TWO_MORE))
     trials = get_trials(campaign)
     pair = replace(campaign, shortlist=campaign.structures[:2])
-    for work, most in ((estimate_all, 12), (select_structure, 4)):
+    for work, most in ((estimate_all, 13), (select_structure, 2)):
         assert 0 < programs(work, pair, trials) <= most
         assert programs(work, campaign, trials) == 0

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from seatrial.estimation.diagnostics.error_budget import EXACT, follow_sources
+from seatrial.estimation.diagnostics.error_budget import follow_sources
 from seatrial.estimation.diagnostics.error_sources import StatedErrors, lay_out
 from seatrial.estimation.diagnostics.linear_model import LOG_ROOT, LinearModel, Shape, edges_of, inside
 from seatrial.estimation.posterior.mode import Mode, expand_prior
@@ -55,7 +55,7 @@ def log_evidence_gains(
             totals[i] = np.logaddexp.reduce([one.log_density for one in narrow.average()]) + _constant(narrow)
     within = np.array([mode.log_evidence for mode in known])
     best = int(np.argmax(within))
-    at = lay_out(posteriors[best], inside(known[best].z, edges_of(posteriors[best])), EXACT, among=())
+    at = lay_out(posteriors[best], inside(known[best].z, edges_of(posteriors[best])), stated, among=())
     assert at is not None, "the motion at the mode is finite"
     alone = LinearModel(posteriors[best], at)
     alone.channels = [(count, shapes[:1]) for count, shapes in alone.channels]  # the noise as it is modelled

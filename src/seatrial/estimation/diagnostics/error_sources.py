@@ -40,6 +40,7 @@ from seatrial.core.signals import (
     is_thruster,
     signal_unit,
 )
+from seatrial.estimation.posterior.mode import expand_prior
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.mounts import SCALE
 from seatrial.estimation.simulation.sensor_errors import Sensor
@@ -263,7 +264,7 @@ class _Motion:
             name: np.where(last, x, np.concatenate([x[:, 1:], x[:, -1:]], 1)) for name, x in self.states.items()
         }
         self.controls = dict(zip(self.model.controls, map(np.asarray, self.data.control), strict=True))
-        self.params = dict(zip(posterior.names, np.asarray(posterior.constrain(z)), strict=True))
+        self.params = dict(zip(posterior.names, np.asarray(expand_prior(posterior, z)[1]), strict=True))
         apart = self.likelihood.apart(self.params)
         self.params |= {name: np.asarray(values)[:, None] for name, values in apart.items()}
         self.rates = [state for state in self.model.states if state in RATES]

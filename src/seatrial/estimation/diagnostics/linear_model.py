@@ -125,7 +125,7 @@ class LinearModel:
         self.edges = edges[self.moving]
         expected = [_along(rows, at.z, self.x, slope) for rows in linearise(posterior, at)]
         self.is_finite = all(np.isfinite(one).all() for one in expected)
-        values = dict(zip(names, np.asarray(posterior.constrain(at.z)), strict=True))
+        values = dict(zip(names, np.asarray(expand_prior(posterior, at.z)[1]), strict=True))
         kept = np.r_[0, 1 + np.array(self.moving, int), 1 + len(names) + np.arange(at.sizes.size)]
         self.channels: list[tuple[float, list[Shape]]] = []
         self.first: list[tuple[int, float]] = []
