@@ -156,47 +156,61 @@ class OutputError:
     ) -> Float[Array, ""]:
         """Return the log-likelihood of one trial if each sensor, but for its noise, had shown this.
 
-        Its derivatives need the memory of a block of samples: of each block only the sums before it are kept.
+        Residuals that are independent need no loop. The derivatives of others need the memory of a block of samples: of each block only
+        the sums before it are kept.
 
         Args:
             values: parameters by name, SI, of which those of noise are used.
             trial: of n samples.
             shown: by each sensor, SI.
         """
-        absorb, begin, end = self._sums(values, trial)
+        noises = self._noises(values, trial)
+        channels = list(zip(noises, shown, _measured(trial), strict=True))
+        total = jnp.zeros(())
+        for noise, x, (y, present, kind) in channels:
+            if isinstance(noise, White | Heavy):
+                total += noise.log_likelihood(jnp.sum(noise.absorb(noise.empty(), y - x, present, kind)))
+        remembering = [one for one in channels if not isinstance(one[0], White | Heavy)]
+        if not remembering:
+            return total
+        noises, *samples = zip(*remembering, strict=True)
+        absorb, begin, end = _sums(noises)
 
         @jax.checkpoint
         def absorb_block(sums: tuple, block: tuple) -> tuple[tuple, None]:
             return jax.lax.scan(lambda sums, sample: absorb(sums, *sample), sums, block)
 
         length = gcd(trial.step.size, BLOCK)
-        blocks = jax.tree.map(lambda x: x.reshape(-1, length), (shown, _measured(trial)))
-        return end(jax.lax.scan(absorb_block, begin, blocks)[0])
+        blocks = jax.tree.map(lambda x: x.reshape(-1, length), tuple(samples))
+        return total + end(jax.lax.scan(absorb_block, begin, blocks)[0])
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         """Return one time loop that simulates and sums what is new in each residual, and keeps nothing else."""
-        absorb, begin, end = self._sums(values, trial)
+        absorb, begin, end = _sums(self._noises(values, trial))
         followed = self.simulator.simulate(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
         return end(followed.memory)
 
-    def _sums(self, values: Mapping[str, Any], trial: TrialData) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
-        """Return what adds a sample's residuals to the running sums, these before the first sample, and the log-likelihood of the last."""
-        noises = [
+    def _noises(self, values: Mapping[str, Any], trial: TrialData) -> list[White | Heavy | Coloured | Drifting]:
+        return [
             self.noise(values, sensor, data)
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
         ]
 
-        def absorb(sums: tuple, shown: tuple, channels: tuple) -> tuple[tuple, None]:
-            sums = tuple(
-                noise.absorb(total, y - x, present, kind)
-                for noise, total, x, (y, present, kind) in zip(noises, sums, shown, channels, strict=True)
-            )
-            return sums, None
 
-        def end(sums: tuple) -> Any:
-            return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+def _sums(noises: Sequence[White | Heavy | Coloured | Drifting]) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
+    """Return what adds a sample's residuals to the running sums, these before the first sample, and the log-likelihood of the last."""
 
-        return absorb, tuple(noise.empty() for noise in noises), end
+    def absorb(sums: tuple, shown: tuple, channels: tuple) -> tuple[tuple, None]:
+        sums = tuple(
+            noise.absorb(total, y - x, present, kind)
+            for noise, total, x, (y, present, kind) in zip(noises, sums, shown, channels, strict=True)
+        )
+        return sums, None
+
+    def end(sums: tuple) -> Any:
+        return sum((noise.log_likelihood(total) for noise, total in zip(noises, sums, strict=True)), jnp.zeros(()))
+
+    return absorb, tuple(noise.empty() for noise in noises), end
 
 
 def _measured(trial: TrialData) -> tuple:

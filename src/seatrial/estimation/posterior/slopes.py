@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
@@ -90,8 +91,8 @@ def _of_density(posterior: Posterior, point: Array) -> Slopes:
 def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
     """Return the slopes of one trial that is simulated."""
     trial = jax.tree.map(lambda x: x[index], data)
-    along = jnp.eye(len(names))
-    moving = jnp.array([i for i, name in enumerate(names) if name not in likelihood.noise_parameters], int)
+    along, of_noise = jnp.eye(len(names)), np.array([name in likelihood.noise_parameters for name in names])
+    moving, still = np.flatnonzero(~of_noise), np.flatnonzero(of_noise)
 
     def values_at(theta: Array) -> dict[str, Any]:
         named = dict(zip(names, theta, strict=True))
@@ -103,21 +104,30 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
 
-    def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[Array, Array]:
+    def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[tuple[tuple[Array, ...], Array], Array]:
         def density(shown: tuple[Array, ...], theta: Array) -> Array:
             return likelihood.of_shown(values_at(theta), trial, shown)
 
-        value, (by_shown, of_noise) = jax.value_and_grad(density, (0, 1))(shown, theta)
+        value, gradient = jax.value_and_grad(density, (0, 1))(shown, theta)
+        return gradient, value
+
+    def along_motion(moved: tuple[Array, ...], way: Array) -> tuple[tuple[Array, ...], Array]:
+        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)[1]
+
+    def along_noise(way: Array) -> Array:
+        return jax.jvp(lambda theta: gradient_and_value(shown, theta)[0][1], (point,), (way,))[1]
+
+    def in_motion(pulls: tuple[Array, ...]) -> Array:
         # What is shown enters the time loop as one number a sample, not as one for each parameter.
-        of_motion = sum(slope.T @ pull for slope, pull in zip(by_theta, by_shown, strict=True))
-        return of_noise.at[moving].add(of_motion), value
+        return sum((slope.T @ pull for slope, pull in zip(by_theta, pulls, strict=True)), jnp.zeros(()))
 
-    def along_way(way: Array) -> tuple[Array, Array, Array]:
-        moved = tuple(slope @ way[moving] for slope in by_theta)
-        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
-
-    gradient, curvature, value = jax.vmap(along_way, out_axes=(None, 0, None))(along)
-    return Slopes(value, gradient, -0.5 * (curvature + curvature.T))
+    (pulls, gradient), value = gradient_and_value(shown, point)
+    moved_pulls, rows = jax.vmap(along_motion, -1, -1)(by_theta, along[moving].T)
+    rows = rows.at[moving].add(in_motion(moved_pulls))
+    curvature = jnp.zeros_like(along).at[:, moving].set(rows).at[np.ix_(moving, still)].set(rows[still].T)
+    if still.size:
+        curvature = curvature.at[np.ix_(still, still)].set(jax.vmap(along_noise, -1, -1)(along[still].T)[still])
+    return Slopes(value, gradient.at[moving].add(in_motion(pulls)), -0.5 * (curvature + curvature.T))
 
 
 def _along_filter(likelihood: FilterError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
