@@ -19,6 +19,7 @@ what is left, exact of one parameter that is cut.
 """
 
 from collections.abc import Mapping, Sequence
+from math import gcd
 from typing import Any, NamedTuple
 
 import jax
@@ -27,6 +28,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float, Int
 
+from seatrial.compiled.batching import bucket_length
 from seatrial.compiled.programs import program
 from seatrial.estimation.diagnostics.error_sources import Effect, Perturbed, linearise
 from seatrial.estimation.posterior.mode import expand_prior
@@ -44,7 +46,7 @@ from seatrial.estimation.simulation.trial_data import FOREVER, ChannelData
 
 NOTHING = 0.9  # Probability that none of the sources that are looked for is there
 SHARES = np.geomspace(0.003, 3.0, 7)  # Standard deviations of sizes that are found, shares of the force
-SHRUNK = (1.0, 0.3, 0.1, 0.0)  # Slow parts of a noise that are tried, over that at the mode
+SHRUNK = (1.0, 0.3, 0.1)  # Slow parts of a noise that are tried beside none, over that at the mode
 # Slow parts that are tried under a noise taken as white: sizes, over the white part, and memories, in intervals of the
 # samples.
 SLOW, LENGTHS = (0.5, 2.0), (5.0, 50.0, 500.0)
@@ -53,6 +55,7 @@ NEAR_SIZES = 3  # Sizes of a source that are tried beside others
 MIN_LOG_SHARE = -6.0  # Log probability of such a set, over that of the best
 # Rounds in which the noise of a set is found at most, and the gain that ends them.
 NOISE_ROUNDS, NOISE_SETTLED = 6, 1e-3
+BLOCK = 128  # Samples that are summed at once, few enough for the cache
 MAX_LEFT = 0.5  # Share of the variance of each channel that slow residuals leave from which a model describes nothing
 TINY = float(np.finfo(float).tiny)
 LOG_ROOT = 0.5 * float(np.log(2.0 * np.pi))
@@ -332,65 +335,105 @@ def noise_shapes(
         channel: when it was measured.
         rows: columns, 0 where it was not.
     """
-    where = channel.present, channel.gaps, channel.kind
+    here, gaps = np.asarray(channel.present) > 0, np.asarray(channel.gaps)
+    samples = min(here.shape[1], bucket_length(int(here.sum(1).max(initial=1))))
+    first = np.argsort(~here, 1, kind="stable")[:, :samples]  # measured samples first: the others change nothing
+    here, kind = (np.take_along_axis(one, first, 1) for one in (here, np.asarray(channel.kind)))
+    gap = np.where(here, np.take_along_axis(gaps, kind, 1), FOREVER)
+    where = np.take_along_axis(rows, first[..., None], 1), here.astype(float), gap
     if sensor.noise == "coloured":
-        return [_sums(rows, *where, 1.0, values[correlation_name(sensor.channel)], 0.0, 0.0)]
-    if sensor.noise != "drifting":
-        gaps = np.asarray(channel.gaps)
-        step = float(np.median(gaps[gaps < FOREVER])) if (gaps < FOREVER).any() else 1.0
-        slow = [(size, length * step, smooth) for size in SLOW for length in LENGTHS for smooth in (0.0, 1.0)]
-        return [_sums(rows, *where, size, time, 1.0, smooth) for size, time, smooth in [(0.0, 1.0, 0.0), *slow]]
-    slow = values[drift_name(sensor.channel)] / values[noise_name(sensor.channel)]
-    return [_sums(rows, *where, shrunk * slow, values[drift_time_name(sensor.channel)], 1.0, 0.0) for shrunk in SHRUNK]
+        return _sums(*where, [(1.0, values[correlation_name(sensor.channel)], 0.0)], 0.0)
+    if sensor.noise == "drifting":
+        size, time = (values[name(sensor.channel)] for name in (drift_name, drift_time_name))
+        size /= values[noise_name(sensor.channel)]
+        return [*_sums(*where, [(shrunk * size, time, 0.0) for shrunk in SHRUNK], 1.0), _white(where[0])]
+    step = float(np.median(gaps[gaps < FOREVER])) if (gaps < FOREVER).any() else 1.0
+    slow = [(size, length * step, smooth) for size in SLOW for length in LENGTHS for smooth in (0.0, 1.0)]
+    return [_white(where[0]), *_sums(*where, slow, 1.0)]
 
 
-def _sums(rows: Any, present: Any, gaps: Any, kind: Any, slow: Any, time: Any, white: Any, smooth: Any) -> Shape:
-    products, log_sd = _whitened_sums(rows, present, gaps, kind, slow, time, white, smooth)
-    return Shape(np.asarray(products), float(log_sd))
+def _white(rows: Float[np.ndarray, "trials n a"]) -> Shape:
+    return Shape(np.asarray(_products(rows)), 0.0)
+
+
+@program
+def _products(rows: Array) -> Array:
+    flat = rows.reshape(-1, rows.shape[2])
+    return flat.T @ flat
+
+
+def _sums(
+    rows: Float[np.ndarray, "trials n a"],
+    here: Float[np.ndarray, "trials n"],
+    gap: Float[np.ndarray, "trials n"],
+    slow: Sequence[tuple[float, float, float]],
+    white: float,
+) -> list[Shape]:
+    """Return the sums under slow parts, each of a size, a memory and whether it is smooth, beside a white part."""
+    products, log_sd = _whitened_sums(rows, here, gap, *map(np.array, zip(*slow, strict=True)), white)
+    return [Shape(*one) for one in zip(np.asarray(products), map(float, log_sd), strict=True)]
 
 
 @program
 def _whitened_sums(
-    rows: Array, present: Array, gaps: Array, kind: Array, slow: Array, time: Array, white: Array, smooth: Array
+    rows: Array, here: Array, gap: Array, slow: Array, time: Array, smooth: Array, white: Array
 ) -> tuple[Array, Array]:
-    """Return the sums of products of what is new in each measurement, by a Kalman filter, and of the logs of its sd.
+    """Return the sums of products of what is new in each measurement, by a Kalman filter, and of the logs of its sd, of each slow part.
 
     The slow part x has a correlation exp(-t / time), or, where it is smooth, as of a force that drifts and moves a mass, that times
     1 + t / time: with its rate over that of the memory, y,
 
         (x, y)' = exp(-t / time) [[1 + t / time, t / time], [-t / time, 1 - t / time]] (x, y) + noise
+
+    What is new in a block of samples stays in the processor's cache until it is summed.
     """
+    shapes, (n, columns) = slow.size, rows.shape[1:]
+    half = columns // 2
 
-    def of_trial(rows: Array, present: Array, gaps: Array, kind: Array) -> tuple[Array, Array]:
-        past = jnp.minimum(gaps / time, 700.0)[kind]
+    def weigh(cov: tuple, sample: tuple) -> tuple[tuple, tuple]:
+        (xx, xy, yy), (is_here, t) = cov, sample
+        past = jnp.minimum(t / time, 700.0)
+        left, t = jnp.exp(-past), smooth * past
+        a, b, c, d = left * (1.0 + t), left * t, -left * t, left * (1.0 - t)
+        # What is lost of the covariance, that at rest being slow^2 of both, comes back as noise.
+        xx, yy = xx - slow**2, yy - slow**2
+        xx, xy, yy = (
+            a * a * xx + 2.0 * a * b * xy + b * b * yy + slow**2,
+            a * c * xx + (a * d + b * c) * xy + b * d * yy,
+            c * c * xx + 2.0 * c * d * xy + d * d * yy + slow**2,
+        )
+        total = xx + white**2
+        gain, along = is_here * xx / total, is_here * xy / total
+        weights = jnp.stack([is_here / jnp.sqrt(total), gain, along, a, b, c, d])
+        return (xx - gain * xx, xy - gain * xy, yy - along * xy), (weights, is_here * 0.5 * jnp.log(total))
 
-        def advance(carry: tuple, sample: tuple) -> tuple[tuple, tuple]:
-            (mean, rate), (xx, xy, yy) = carry
-            row, here, t = sample  # the time since what was measured before
-            left, t = jnp.exp(-t), smooth * t
-            a, b, c, d = left * (1.0 + t), left * t, -left * t, left * (1.0 - t)
-            mean, rate = a * mean + b * rate, c * mean + d * rate
-            # What is lost of the covariance, that at rest being slow^2 of both, comes back as noise.
-            xx, xy, yy = xx - slow**2, xy, yy - slow**2
-            xx, xy, yy = (
-                a * a * xx + 2.0 * a * b * xy + b * b * yy + slow**2,
-                a * c * xx + (a * d + b * c) * xy + b * d * yy,
-                c * c * xx + 2.0 * c * d * xy + d * d * yy + slow**2,
-            )
-            total = xx + white**2
-            innovation, gain, along = row - mean, xx / total, xy / total
-            after = mean + gain * innovation, rate + along * innovation
-            after = after, (xx - gain * xx, xy - gain * xy, yy - along * xy)
-            carry = jax.tree.map(lambda new, old: jnp.where(here > 0, new, old), after, carry)
-            return carry, (here * innovation / jnp.sqrt(total), here * 0.5 * jnp.log(total))
+    def follow(means: tuple, sample: tuple) -> tuple[tuple, Array]:
+        (mean, rate), (row, weights) = means, sample
+        weight, gain, along, a, b, c, d = weights[..., None]
+        mean, rate = a * mean + b * rate, c * mean + d * rate
+        innovation = row - mean
+        return (mean + gain * innovation, rate + along * innovation), weight * innovation
 
-        zero = jnp.zeros(rows.shape[1])
-        start = (zero, zero), (slow**2 * jnp.ones(()), jnp.zeros(()), slow**2 * jnp.ones(()))
-        _, (new, log_sd) = jax.lax.scan(advance, start, (rows, present, past))
-        return new.T @ new, log_sd.sum()
+    def add_block(carry: tuple, block: tuple) -> tuple[tuple, None]:
+        means, sums = carry
+        means, new = jax.lax.scan(follow, means, block)
+        upper = jnp.einsum("nhi,nhj->hij", new[..., :half], new)
+        lower = jnp.einsum("nhi,nhj->hij", new[..., half:], new[..., half:])
+        return (means, (sums[0] + upper, sums[1] + lower)), None
 
-    products, log_sd = jax.vmap(of_trial)(rows, present, gaps, kind)
-    return products.sum(0), log_sd.sum()
+    def add_trial(sums: tuple, trial: tuple) -> tuple[tuple, Array]:
+        rows, here, gap = trial
+        start = slow**2, jnp.zeros(shapes), slow**2
+        _, (weights, log_sd) = jax.lax.scan(weigh, start, (here, gap))
+        zero, length = jnp.zeros((shapes, columns)), gcd(n, BLOCK)
+        blocks = rows.reshape(-1, length, columns), weights.reshape(-1, length, *weights.shape[1:])
+        (_, sums), _ = jax.lax.scan(add_block, ((zero, zero), sums), blocks)
+        return sums, log_sd.sum(0)
+
+    nothing = jnp.zeros((shapes, half, columns)), jnp.zeros((shapes, columns - half, columns - half))
+    (upper, lower), log_sd = jax.lax.scan(add_trial, nothing, (rows, here, gap))
+    left = jnp.concatenate([upper[..., :half], upper[..., half:].swapaxes(1, 2)], 1)
+    return jnp.concatenate([left, jnp.concatenate([upper[..., half:], lower], 1)], 2), log_sd.sum(0)
 
 
 def _solve(
