@@ -21,7 +21,7 @@ Law = Callable[[State, Any, Any], tuple[tuple, Any]]
 
 # Number of states from which the four stages are a loop over one copy of the model, on a processor: faster, and
 # compiled in a third of the time. On an accelerator each turn would be launched anew.
-MIN_LOOPED_STATES = 10
+MIN_LOOPED_STATES = 8
 # Steps of the time loop written out in one turn on an accelerator, times states: each turn is launched anew, so that 32
 # steps a turn are 17 times as fast as one for one state; more states take longer to compile than they save.
 WRITTEN_OUT = 32
