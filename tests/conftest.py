@@ -9,6 +9,7 @@ import pytest
 from hypothesis import settings
 
 from seatrial.compiled import engine
+from seatrial.core import processes
 
 engine.configure()
 gc.set_threshold(200_000, 20, 100)
@@ -49,3 +50,15 @@ def unlimited(monkeypatch):
     """Let no test see the folders to which a dashboard before it kept this process."""
     monkeypatch.setenv("SEATRIAL_WITHIN", "")
     monkeypatch.delenv("SEATRIAL_WITHIN")
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(monkeypatch):
+    """Read logs in this process: the start of another one for each of thousands of small files would take minutes."""
+    monkeypatch.setattr(processes, "_is_apart", True)
+
+
+@pytest.fixture
+def in_others(in_this_process, monkeypatch):
+    """Read logs as a command does, each in a process of its own."""
+    monkeypatch.setattr(processes, "_is_apart", False)

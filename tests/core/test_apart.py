@@ -11,6 +11,8 @@ import pytest
 from seatrial.core import processes as apart
 from seatrial.core.errors import InputError
 
+pytestmark = pytest.mark.usefixtures("in_others")
+
 
 def counted(number):
     yield from range(number)

@@ -131,7 +131,7 @@ def test_only_results_are_fetched_and_a_report_runs_no_script(ask, tmp_path):
         assert ask("GET", path).status_code == 404
 
 
-def test_a_question_in_its_own_process_is_kept_small_short_and_worded():
+def test_a_question_in_its_own_process_is_kept_small_short_and_worded(in_others):
     assert isolated("x", len, "four") == 4
     with pytest.raises(InputError, match="memory allowed"):
         isolated("x", bytearray, 8 << 30, memory=4 << 30)
@@ -142,7 +142,7 @@ def test_a_question_in_its_own_process_is_kept_small_short_and_worded():
 
 
 @pytest.mark.proof
-def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path):
+def test_logs_that_are_none_or_swell_are_refused_in_words(tmp_path, in_others):
     cases = {"noise.mat": b"MATLAB 5.0 MAT-file" + np.random.default_rng(5).bytes(20_000), "line.csv": b"a," * 500_000}
     for name, content in cases.items():
         (tmp_path / name).write_bytes(content)

@@ -121,7 +121,7 @@ def test_a_process_that_computes_ends_with_the_one_that_asked(tmp_path):
     assert ended
 
 
-def test_a_server_that_stops_does_not_wait_for_a_log():
+def test_a_server_that_stops_does_not_wait_for_a_log(in_others):
     with ThreadPoolExecutor(1) as pool:
         reading = pool.submit(isolated, "a log", time.sleep, 250.0)
         while not reading.done():

@@ -115,9 +115,8 @@ def each_read_or_refused(logs):
 
 
 @pytest.fixture
-def read_apart(monkeypatch):
+def read_apart(in_others):
     """Read or refuse logs, one after another, in a process that is begun anew behind a log that ends it; returns how many did."""
-    monkeypatch.setattr(processes, "_is_apart", False)
 
     def read(logs):
         todo, ended = list(logs), 0
@@ -382,9 +381,8 @@ def mcap_of(compression, size, packed):
 
 
 @pytest.fixture
-def little_memory(monkeypatch):
+def little_memory(in_others, monkeypatch):
     """Read in processes of their own, of less than a gigabyte."""
-    monkeypatch.setattr(processes, "_is_apart", False)
     monkeypatch.setattr(registry, "FORMATS", tuple(replace(form, memory=700 << 20) for form in registry.FORMATS))
 
 
