@@ -134,14 +134,14 @@ def test_an_edited_key_recomputes_what_depends_on_it(finished, tmp_path):
 
 
 def log_campaign(folder, record):
-    """Write a campaign on the log of a record; its programs are those of the simulated one."""
+    """Write a campaign on the log of a record; its programs, to which the name of the run belongs, are those of the simulated one."""
     text = SMALL[: SMALL.index("[truth]")] + SMALL[SMALL.index("[estimation]") :]
     rows = [
         f"{t},{n},{u}" for t, n, u in zip(record["time"].values, record["n"].values, record["u"].values, strict=True)
     ]
     (folder / "log.csv").write_text("\n".join(["t,n,u", *rows]) + "\n")
     channels = 'channels = { n = { column = "n", unit = "rad/s" }, u = { column = "u", unit = "m/s" } }'
-    text += f'[import]\nfit = ["1"]\n[[import.files]]\npath = "log.csv"\ntime = {{ column = "t", unit = "s" }}\n{channels}\n'
+    text += f'[import]\nfit = ["trial"]\n[[import.files]]\npath = "log.csv"\ntime = {{ column = "t", unit = "s" }}\n{channels}\n'
     (folder / "campaign.toml").write_text(text)
     return load_campaign(folder)
 
