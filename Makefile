@@ -14,7 +14,7 @@ run: $(VENV)/ready
 	@$(BIN)/seatrial run $(DEMO)
 
 # Both halves at once: each keeps about one core busy. A test runs its programs once, so that optimising them takes longer than it saves.
-test test-campaigns test-library: export XLA_FLAGS := --xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1
+test test-campaigns test-library: export XLA_FLAGS := --xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_use_fusion_emitters=false
 test: $(VENV)/ready
 	$(MAKE) --no-print-directory -j2 --output-sync=target test-campaigns test-library
 
