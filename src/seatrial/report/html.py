@@ -1,6 +1,7 @@
 """A page from its template: everything that is not markup made here is escaped, and the same content gives the same bytes."""
 
 from base64 import b64encode
+from functools import cache
 from hashlib import sha256
 from typing import Any
 
@@ -21,7 +22,18 @@ def render_html(template: str, script: str = "", **content: Any) -> str:
         script: template of the only script that the page may run, which it names by its hash; none by default.
         content: what the template prints.
     """
-    environment = Environment(
+    environment = _environment()
+    code = environment.get_template(script).render() if script else ""
+    allowed = f"script-src 'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'; " if code else ""
+    about = {"palette": PALETTE, "version": __version__, "script": Markup(code), "allowed": Markup(allowed)}
+    html = environment.get_template(template).render(**about, **content)
+    return visible(with_percent_signs_kept(html))
+
+
+@cache
+def _environment() -> Environment:
+    """Templates, each compiled once for all pages of a process."""
+    return Environment(
         loader=PackageLoader("seatrial.report"),
         autoescape=True,
         undefined=StrictUndefined,
@@ -29,8 +41,3 @@ def render_html(template: str, script: str = "", **content: Any) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    code = environment.get_template(script).render() if script else ""
-    allowed = f"script-src 'sha256-{b64encode(sha256(code.encode()).digest()).decode()}'; " if code else ""
-    about = {"palette": PALETTE, "version": __version__, "script": Markup(code), "allowed": Markup(allowed)}
-    html = environment.get_template(template).render(**about, **content)
-    return visible(with_percent_signs_kept(html))
