@@ -13,7 +13,7 @@ run: $(VENV)/ready
 	@test -f $(DEMO)/campaign.toml || $(BIN)/seatrial init $(DEMO)
 	@$(BIN)/seatrial run $(DEMO)
 
-# Both halves at once: each keeps about one core busy. A test runs its programs once, so that optimising them takes longer than it saves.
+# Both halves at once: each keeps about one core busy. A test runs its programs once: optimised and fused they take longer to compile than that saves.
 test test-campaigns test-library: export XLA_FLAGS := --xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_use_fusion_emitters=false
 test: $(VENV)/ready
 	$(MAKE) --no-print-directory -j2 --output-sync=target test-campaigns test-library

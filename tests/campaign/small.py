@@ -9,7 +9,7 @@ from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.stored_result import Store, StoredResult
 from seatrial.campaign.store.summary import NextTrial, Summary
 from seatrial.estimation.diagnostics.known import Known, KnownParameter
-from tests.campaigns import joined, priors, sensors, uniform, write_campaign
+from tests.campaigns import import_log, joined, priors, sensors, uniform, write_campaign
 
 SMALL = joined(
     """[campaign]
@@ -57,6 +57,11 @@ particles = 256
 repeats = 2
 """,
 )
+LOGGED = (
+    "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4",
+    import_log("1", "log_{run}.csv", u=("speed", "m/s"), n=("rpm", "rpm")),
+)
+"""A replacement by which runs were logged: the truth goes."""
 NO_X_U = (
     ('optional = ["X_u"]', "optional = []"),
     ('[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2\n', ""),

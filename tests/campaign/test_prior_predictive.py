@@ -9,7 +9,7 @@ from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
 from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
 from seatrial.vehicles.linearise import trim_speed
-from tests.campaign.small import write_small
+from tests.campaign.small import LOGGED, write_small
 from tests.cases import DEDUCTION, MASS, N0, TRUTH, U0, paper_model
 from tests.estimation_cases import naive_doublets, naive_speed
 
@@ -18,15 +18,6 @@ LINEAR = "lower = -3.6\nupper = 1.2"
 THRUST = "lower = 2.0e-4\nupper = 12.0e-4"
 TRIM, PER_REV = 125.0 / (2 * np.pi), 6.28e-4 * (2 * np.pi) ** 2
 """Trim of the small campaign, rev/s, and its thrust coefficient, N/(rev/s)^2."""
-LOG = """[import]
-fit = ["1"]
-[[import.files]]
-path = "log_{run}.csv"
-time = { column = "t", unit = "s" }
-channels.u = { column = "speed", unit = "m/s" }
-channels.n = { column = "rpm", unit = "rpm" }
-"""
-IMPORT = ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4", LOG)
 
 
 def predicted(folder, *replacements):
@@ -149,20 +140,20 @@ def test_a_vehicle_that_is_known_gives_its_own_motion(tmp_path):
 def test_a_record_is_held_or_not(tmp_path):
     for name in ("good", "bad"):
         write_log(tmp_path / name)
-    good = predicted(tmp_path / "good", IMPORT, (LINEAR, f"{LINEAR}\ndissipative = true"))
+    good = predicted(tmp_path / "good", LOGGED, (LINEAR, f"{LINEAR}\ndissipative = true"))
     assert "record 1" in good.over
     assert good.channels[0].held > 0.95
     assert np.isfinite(good.channels[0].measured).all()
     assert prior_alarms(good) == []
     assert any("the prior covers them" in line for line in prior_lines(good, shown_as_written({})))
-    bad = predicted(tmp_path / "bad", IMPORT, (THRUST, "lower = 2.0e-6\nupper = 12.0e-6"))
+    bad = predicted(tmp_path / "bad", LOGGED, (THRUST, "lower = 2.0e-6\nupper = 12.0e-6"))
     assert bad.channels[0].held < 0.1
     assert any("misses the measured speeds" in text for text in prior_alarms(bad))
 
 
 def test_initial_speed_and_noise_are_drawn_where_they_are_unknown(tmp_path):
     write_log(tmp_path)
-    found = predicted(tmp_path, IMPORT, ("[estimation]", '[estimation]\ninitial = "estimated"'))
+    found = predicted(tmp_path, LOGGED, ("[estimation]", '[estimation]\ninitial = "estimated"'))
     assert {"sigma_u", "u_0[1]"} <= {item.name for item in found.believed}
     assert found.channels[0].bands[4, 0] - found.channels[0].bands[0, 0] == pytest.approx(2 * 1.645 * 0.25, rel=0.1)
 
@@ -180,8 +171,8 @@ def test_a_current_is_part_of_what_is_measured_and_not_of_the_motion(tmp_path):
     )
     for name in ("still", "stream"):
         write_log(tmp_path / name)
-    still = predicted(tmp_path / "still", IMPORT, *known)
-    stream = predicted(tmp_path / "stream", IMPORT, *known, *current)
+    still = predicted(tmp_path / "still", LOGGED, *known)
+    stream = predicted(tmp_path / "stream", LOGGED, *known, *current)
     assert (still.channels[0].held, stream.channels[0].held) == (pytest.approx(1.0, abs=0.05), 0.0)
     assert np.allclose(still.channels[0].bands, stream.channels[0].bands, atol=1e-3)
 

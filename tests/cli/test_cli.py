@@ -16,7 +16,7 @@ from seatrial.cli import console
 from seatrial.cli.console import ConsoleReporter
 from seatrial.cli.running import Exit, run_app, with_campaign
 from seatrial.compiled.engine import EngineWarning
-from tests.campaign.small import write_small
+from tests.campaign.small import LOGGED, write_small
 
 
 def run(monkeypatch, capsys, *arguments):
@@ -106,16 +106,7 @@ def test_what_cannot_be_done_is_refused_with_a_remedy(monkeypatch, capsys, tmp_p
 
 
 def test_a_missing_log_is_named(monkeypatch, capsys, tmp_path):
-    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
-    files = """[import]
-fit = ["1"]
-[[import.files]]
-path = "log_{run}.csv"
-time = { column = "t", unit = "s" }
-channels.u = { column = "speed", unit = "m/s" }
-channels.n = { column = "rpm", unit = "rpm" }
-"""
-    write_small(tmp_path, (truth, files))
+    write_small(tmp_path, LOGGED)
     code, _, err = run(monkeypatch, capsys, "run", tmp_path)
     assert code == Exit.BAD_INPUT
     assert "log_1.csv" in err

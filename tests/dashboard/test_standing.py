@@ -19,19 +19,9 @@ from seatrial.core.dataset_file import write_dataset
 from seatrial.core.errors import InputError
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, select
-from tests.campaign.small import write_small
+from tests.campaign.small import LOGGED, write_small
 
 STEPS = ["design", "simulate", "estimate", "select", "predict", "next", "report"]
-TRUTH = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
-LOGGED = """[import]
-fit = ["1"]
-[[import.files]]
-path = "log_{run}.csv"
-time = { column = "t", unit = "s" }
-channels.u = { column = "u", unit = "m/s" }
-channels.n = { column = "n", unit = "rpm" }
-"""
-"""What takes the place of the truth in a campaign whose runs were logged."""
 
 
 def states(folder):
@@ -105,32 +95,32 @@ def test_a_current_step_that_failed_a_check_says_so(tmp_path, monkeypatch):
 def test_a_log_is_hashed_anew_only_when_it_changes(tmp_path, monkeypatch):
     from seatrial.campaign.workflow import steps as module
 
-    folder = write_small(tmp_path, (TRUTH, LOGGED))
+    folder = write_small(tmp_path, LOGGED)
     assert states(folder)["import"] == "missing"
     log, hashed = folder / "log_1.csv", []
-    log.write_text("t,u,n\n0,1,1\n")
+    log.write_text("t,speed,rpm\n0,1,1\n")
     plain = module.hash_of_log
     monkeypatch.setattr(module, "hash_of_log", lambda path: hashed.append(path) or plain(path))
     states(folder)
     states(folder)
     assert len(hashed) == 1
     time.sleep(0.01)
-    log.write_text("t,u,n\n0,1,2\n")
+    log.write_text("t,speed,rpm\n0,1,2\n")
     states(folder)
     assert len(hashed) == 2
 
 
 def test_records_of_a_copied_campaign_are_current_and_follow_what_the_log_says(tmp_path):
-    folder = write_small(tmp_path / "camp", (TRUTH, LOGGED))
+    folder = write_small(tmp_path / "camp", LOGGED)
     rows = [f"{0.1 * i:.1f},{1.5 + 0.01 * (i % 7)},{1200 + 100 * (i // 50 % 2)}" for i in range(300)]
-    (folder / "log_1.csv").write_text("\n".join(["t,u,n", *rows]) + "\n")
+    (folder / "log_1.csv").write_text("\n".join(["t,speed,rpm", *rows]) + "\n")
     get_trials(load_campaign(folder))
     assert states(folder)["import"] == "current"
     copy = tmp_path / "camp2"
     shutil.copytree(folder, copy, copy_function=shutil.copyfile)
     os.utime(copy / "log_1.csv", (2e9, 2e9))
     assert states(copy) == states(folder)
-    (copy / "log_1.csv").write_text("\n".join(["t,u,n", *rows, "30.0,1.5,1200"]) + "\n")
+    (copy / "log_1.csv").write_text("\n".join(["t,speed,rpm", *rows, "30.0,1.5,1200"]) + "\n")
     os.utime(copy / "log_1.csv", (1e9, 1e9))
     assert states(copy)["import"] == "stale"
 

@@ -15,10 +15,7 @@ from seatrial.logs.formats.registry import catalogue, read_columns
 from seatrial.logs.inspect import inspect_log
 from tests.logs.log_writers import WRITERS
 
-
-@pytest.fixture(autouse=True)
-def in_a_process_of_its_own(in_this_process, monkeypatch):
-    monkeypatch.setattr(apart, "_is_apart", False)
+pytestmark = pytest.mark.usefixtures("in_others")
 
 
 @pytest.mark.parametrize("name", ["parquet", "matlab 7.3"])
