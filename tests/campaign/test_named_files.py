@@ -12,7 +12,7 @@ from seatrial.campaign.config.schema import CampaignFile
 from seatrial.campaign.data.import_logs import import_trials, read_untrimmed
 from seatrial.cli.running import Exit, with_campaign
 from seatrial.core.errors import InputError
-from tests.campaign.small import write_small, write_summary
+from tests.campaign.small import LOGGED, write_small, write_summary
 
 LOG = "".join(f"{0.1 * k:.1f},{1500 + k % 7},{1 + 0.01 * (k % 5)},{1400 + k % 9}\n" for k in range(200))
 FILE = """
@@ -25,7 +25,6 @@ time = {{ column = "t", unit = "s" }}
 u = {{ column = "u", unit = "m/s" }}
 n = {{ column = "pwm", unit = "rpm", curve = "{curve}" }}
 """
-TRUTH = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
 NAMED = {
     "log": ("{there}/log.csv", "curve.csv"),
     "curve": ("log.csv", "{there}/curve.csv"),
@@ -57,7 +56,7 @@ def here(tmp_path, monkeypatch):
 def boat(place, path="log.csv", curve="curve.csv"):
     folder = place / "served" / "boat"
     named = FILE.format(path=path, curve=curve)
-    return write_small(folder, (TRUTH, named))
+    return write_small(folder, (LOGGED[0], named))
 
 
 @pytest.mark.parametrize("name", NAMED)

@@ -10,23 +10,15 @@ from seatrial.messages.structures import screening_lines
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle
-from tests.campaign.small import write_small
+from tests.campaign.small import LOGGED, write_small
+from tests.campaigns import import_log
 
 EXTRA = {"X_0": 3.0, "X_u3": 1.0, "T_n": 0.05, "T_un": 0.05, "T_uun": 0.05, "T_unn": 0.001}
 """Further terms, and half the width of their priors."""
 PRIORS = "".join(
     f'[prior.{name}]\ndistribution = "uniform"\nlower = {-half}\nupper = {half}\n\n' for name, half in EXTRA.items()
 )
-IMPORT = """
-[import]
-fit = ["1"]
-
-[[import.files]]
-path = "log.csv"
-time = { column = "t", unit = "s" }
-channels.u = { column = "u", unit = "m/s" }
-channels.n = { column = "n", unit = "rad/s" }
-"""
+IMPORT = import_log("1", "log.csv", u=("u", "m/s"), n=("n", "rad/s"))
 NAMES = ", ".join(f'"{name}"' for name in ("X_u", *EXTRA))
 
 
@@ -56,7 +48,7 @@ def many(folder, rules=(), g=None):
     return load_campaign(
         write_small(
             folder,
-            ("[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4\n", IMPORT),
+            (LOGGED[0], IMPORT),
             ('optional = ["X_u"]', f"optional = [{NAMES}]\nrules = [{lines}]\nshortlist = 4{g or ''}"),
             ("[sensors.u]", PRIORS + "[sensors.u]"),
         )

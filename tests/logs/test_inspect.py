@@ -19,7 +19,7 @@ from seatrial.logs.inspect import LogsTogether, inspect_log
 from seatrial.logs.log_table import read_log_table
 from seatrial.logs.source import ColumnMap, LogSource
 from seatrial.logs.summary import Gathered
-from tests.campaign.small import write_small
+from tests.campaign.small import LOGGED, write_small
 from tests.logs.log_cases import GOOD, refusal, written
 from tests.logs.log_writers import RPM, STAMPS, SURGE, WRITERS, ros_store
 
@@ -319,8 +319,7 @@ def test_pasted_map_imports_a_bag_and_a_csv(tmp_path):
         tmp_path, "time,prop_rpm\n" + "".join(f"{t},{n}\n" for t, n in zip(time, RPM, strict=True)), "engine.csv"
     )
     maps = inspect_log(bag).as_toml(["u"]) + inspect_log(engine).as_toml(["n"])
-    truth = "[truth]\nX_u = -1.21\nX_uabsu = -2.93\nT_nabsn = 6.28e-4"
-    write_small(tmp_path / "campaign", (truth, f'[import]\nfit = ["one"]\n{maps}'))
+    write_small(tmp_path / "campaign", (LOGGED[0], f'[import]\nfit = ["one"]\n{maps}'))
     (record,) = import_trials(load_campaign(tmp_path / "campaign")).fit
     measured = record.channel("u")[np.isfinite(record.channel("u"))]
     assert set(measured) <= set(SURGE)
