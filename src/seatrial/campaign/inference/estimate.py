@@ -45,7 +45,7 @@ from seatrial.estimation.priors import prior_curve
 from seatrial.messages.effects import contents_text
 from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.messages.render import sentences
-from seatrial.sampling.diagnostics import asks_for_more, chain_findings, diagnose
+from seatrial.sampling.diagnostics import ChainHealth, asks_for_more, chain_findings, diagnose
 from seatrial.sampling.run import (
     BLOCK,
     ChainRun,
@@ -175,7 +175,7 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
         run = sampler.start_chains(target, starts, there.cov)
     else:
         run = run_from_arrays(sampler.State, item.run)
-    while (draws := _enough(target, sampler, run, table)) is None:
+    while (enough := _enough(target, sampler, run, table)) is None:
         total = next(end for length in table.lengths if (end := table.warmup + length) > run.iteration)
         report(
             run.iteration, total
@@ -187,16 +187,19 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     mode = mode.only(posterior.places)
     missing = left_out(posterior, structure, budget)
     stated = stated_errors(table)
-    return _Ended(_estimate(structure, posterior, mode, budget, stated, missing, draws, campaign.hull.trim, doubts))
+    return _Ended(_estimate(structure, posterior, mode, budget, stated, missing, *enough, campaign.hull.trim, doubts))
 
 
-def _enough(target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable) -> Draws | None:
+def _enough(
+    target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable
+) -> tuple[Draws, ChainHealth] | None:
     """Return the draws of chains that need no more: they are as many as asked for, or twice, and agree, or four times; else None."""
     made = run.iteration - table.warmup
     if made not in table.lengths:
         return None
     draws = in_posterior(target, sampler.finish(run))
-    return None if made < table.lengths[-1] and asks_for_more(diagnose(draws.values)) else draws
+    health = diagnose(draws.values)
+    return None if made < table.lengths[-1] and asks_for_more(health) else (draws, health)
 
 
 def _prepare(
@@ -225,11 +228,11 @@ def _estimate(
     stated: StatedErrors,
     missing: tuple[Finding, ...],
     draws: Draws,
+    health: ChainHealth,
     at: Mapping[str, float],
     doubts: Sequence[Message],
 ) -> Estimate:
     values = draws.values
-    health = diagnose(values)
     parameters, names = posterior.present_parameters, posterior.present_names
     prior_sd = np.array([parameter.prior.sd for parameter in parameters])
     within = dict(zip(names, map(float, values.std(axis=(0, 1))), strict=True))
