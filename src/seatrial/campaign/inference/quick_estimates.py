@@ -216,7 +216,8 @@ def _answer(
         return FirstAnswer(structure, alarm=f"{structure.label}: {whole}")
     stated = stated_errors(campaign.estimation)
     budget = error_budget(posterior, whole, stated) if is_probable else None
-    drawn, more = (draw_about_mode(campaign.seed, structure, posterior, whole, n) for n in (N_DRAWS, DESIGNED_FROM))
+    more = draw_about_mode(campaign.seed, structure, posterior, whole, max(N_DRAWS, DESIGNED_FROM))
+    drawn = replace(more, values=more.values[:N_DRAWS])
     mode = whole.only(posterior.places)
     if is_whole(structure, campaign.structures):
         check_prior_of(study, posterior, mode)

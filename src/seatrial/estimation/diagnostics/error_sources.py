@@ -16,15 +16,15 @@ Machine Learning Research 10, 2009). Drag of another power, or a thrust that fal
 other coefficients: only what is stated covers it.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any, Literal, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_number
@@ -134,26 +134,32 @@ class Source(NamedTuple):
     worth: float = 1.0
 
 
-class Columns(NamedTuple):
-    """How the motion and what is shown change along each size; pairs of places among the sizes and arrays with an axis for these first.
+class Changes(NamedTuple):
+    """Changes of the motion and of what is shown; of several ways at once, these are the last axis of each array, as time loops want it.
 
     Attributes:
-        force: on each axis of the model, N or N m, shape (k, trials, n, axes).
-        control: of each control, shape (k, trials, n, n_controls).
-        start: of each state, shape (k, trials, n_states).
-        scale: of what each sensor shows, as a share, shape (k, channels).
-        offset: of what each sensor shows, shape (k, channels).
+        force: on each axis of the model, N or N m, shape (axes, trials, n).
+        control: of each control, shape (n_controls, trials, n).
+        start: of each state, shape (n_states, trials).
+        scale: of what each sensor shows, as a share, shape (channels,).
+        offset: of what each sensor shows, shape (channels,).
     """
 
-    force: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n axes"]]
-    control: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n n_controls"]]
-    start: tuple[Int[np.ndarray, " k"], Float[Array, "k trials n_states"]]
-    scale: tuple[Int[np.ndarray, " k"], Float[Array, "k channels"]]
-    offset: tuple[Int[np.ndarray, " k"], Float[Array, "k channels"]]
+    force: Float[np.ndarray, "axes trials n"]
+    control: Float[np.ndarray, "n_controls trials n"]
+    start: Float[np.ndarray, "n_states trials"]
+    scale: Float[np.ndarray, " channels"]
+    offset: Float[np.ndarray, " channels"]
 
-    def along(self, sizes: Float[Array, " m"]) -> list[Array]:
-        """Return the changes of force, control, start, scale and offset for sizes of all sources."""
-        return [jnp.tensordot(sizes[places], arrays, 1) for places, arrays in self]
+    def add(self, column: "Column", size: float, *way: int) -> None:
+        """Add so much of a column, to one of several ways where it is said which."""
+        field, at, values = column
+        array = getattr(self, field)
+        array[(slice(None) if at is None else at, *[slice(None)] * (array.ndim - 1 - len(way)), *way)] += size * values
+
+
+# What changes along one size: the field of `Changes`, its place on the first axis (None for all), and by how much.
+Column = tuple[str, int | None, Any]
 
 
 class Perturbed(NamedTuple):
@@ -163,7 +169,7 @@ class Perturbed(NamedTuple):
         z: parameters of the motion, shape (d,).
         sizes: of the sources in it, shape (m,).
         sources: of error.
-        columns: of the sources.
+        columns: of the sources, by their places among the sizes.
         lags: pairs of lags, s, that stand for those of commands where they were found before; of backlash, in units of its `worth`.
         force: root mean square of the larger of the two forces that velocities and that commands make, by axis.
     """
@@ -171,7 +177,7 @@ class Perturbed(NamedTuple):
     z: Float[np.ndarray, " d"]
     sizes: Float[np.ndarray, " m"]
     sources: tuple[Source, ...]
-    columns: Columns
+    columns: tuple[Column, ...]
     lags: Mapping[Effect, tuple[float, float]]
     force: Mapping[str, float]
 
@@ -200,45 +206,53 @@ def lay_out(
     if not all(np.isfinite(x).all() for x in motion.states.values()):
         return None
     motion.weigh()
-    builder = _Builder(motion)
+    builder = _Builder()
     present = {*posterior.present_names}
     for effect, worth, stated_sd, columns in _sources(motion, stated, lags):
         if (effect.kind == "force" and effect.of in present) or not (among is None or effect in among):
             builder.leave_out(columns)
         else:
             builder.add(effect, worth, stated_sd, columns)
-    own = np.zeros(builder.count) if sizes is None else sizes
-    return Perturbed(z, own, tuple(builder.sources), builder.columns(), lags, motion.force)
+    own = np.zeros(len(builder.columns)) if sizes is None else sizes
+    return Perturbed(z, own, tuple(builder.sources), tuple(builder.columns), lags, motion.force)
 
 
-def linearise(posterior: Posterior, at: Perturbed) -> list[Float[np.ndarray, "trials n _"]]:
-    """Return of each channel what it would be measured as, and its slopes along z and then the sizes: y = slopes (z, sizes) + noise.
+def linearise(posterior: Posterior, at: Perturbed) -> Iterator[Float[np.ndarray, "trials n _"]]:
+    """Yield of each channel what it would be measured as, and its slopes along z and then the sizes: y = slopes (z, sizes) + noise.
 
     Args:
         posterior: of records.
         at: where; not finite where the motion diverges.
 
-    Returns:
-        one array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
+    Yields:
+        an array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
     """
-    point = np.concatenate([at.z, at.sizes])
-    moving = np.array(
-        [*range(at.z.size), *(at.z.size + place for source in at.sources for place in source.columns)], int
-    )
-    ways, parts = np.eye(point.size)[moving], []
-    ways = np.pad(ways, ((0, -len(ways) % SIDE_BY_SIDE), (0, 0)))  # as many in each call: one program
-    for first in range(0, len(ways), SIDE_BY_SIDE):
-        shown, part = _shown_and_slopes(posterior, at.columns, at.z, at.sizes, ways[first : first + SIDE_BY_SIDE])
-        parts.append(np.asarray(part))
-    shown, slopes = np.asarray(shown), np.zeros((point.size, *np.shape(shown)))
-    slopes[moving] = np.concatenate(parts)[: moving.size]
-    result = []
-    for i, channel in enumerate(posterior.data.channels):
-        own = slopes[..., i]
-        expected = np.asarray(channel.measured) - shown[..., i] + np.tensordot(point, own, 1)
-        here = np.asarray(channel.present)[..., None]
-        result.append(np.concatenate([expected[..., None], np.moveaxis(own, 0, -1)], -1) * here)
-    return result
+    d, point = at.z.size, np.concatenate([at.z, at.sizes])
+    moving = [*range(d), *(d + place for source in at.sources for place in source.columns)]
+    here = [np.asarray(channel.present) > 0 for channel in posterior.data.channels]
+    changes, slopes = _changes(posterior, at.columns, at.sizes), []
+    for first in range(0, len(moving), SIDE_BY_SIDE):
+        ways, along = (
+            np.zeros((SIDE_BY_SIDE, d)),
+            _nothing(posterior, SIDE_BY_SIDE),
+        )  # as many in each call: one program
+        for way, place in enumerate(moving[first : first + SIDE_BY_SIDE]):
+            if place < d:
+                ways[way, place] = 1.0
+            else:
+                along.add(at.columns[place - d], 1.0, way)
+        shown, parts = _shown_and_slopes(posterior, changes, at.z, ways, along)
+        slopes.append([np.asarray(part)[of_channel] for part, of_channel in zip(parts, here, strict=True)])
+    for i, (channel, of_channel) in enumerate(zip(posterior.data.channels, here, strict=True)):
+        own = np.concatenate([parts.pop(0) for parts in slopes], -1)[
+            :, : len(moving)
+        ]  # of which no second copy is kept
+        expected = (np.asarray(channel.measured) - np.asarray(shown[i]))[of_channel] + own @ point[moving]
+        rows = np.zeros((*of_channel.shape, 1 + point.size))
+        measured = np.zeros((expected.size, 1 + point.size))
+        measured[:, 0], measured[:, 1 + np.array(moving)] = expected, own
+        rows[of_channel] = measured
+        yield rows
 
 
 class _Motion:
@@ -256,9 +270,9 @@ class _Motion:
         self.data, self.model = posterior.data, self.likelihood.model
         self.step = np.asarray(self.data.step)
         self.inside = self.step > 0  # what fills up a trial takes no time
-        columns = _no_columns(posterior) if before is None else before.columns
-        shown = _follow(posterior, self.model.states, columns, z, np.zeros(0) if sizes is None else sizes)
-        self.states = dict(zip(self.model.states, np.moveaxis(np.asarray(shown), -1, 0), strict=True))
+        changes = _nothing(posterior) if before is None else _changes(posterior, before.columns, sizes)
+        shown = _follow(posterior, self.model.states, changes, z)
+        self.states = dict(zip(self.model.states, map(np.asarray, shown), strict=True))
         last = self.inside & ~np.concatenate([self.inside[:, 1:], np.zeros_like(self.inside[:, :1])], 1)
         self.next = {
             name: np.where(last, x, np.concatenate([x[:, 1:], x[:, -1:]], 1)) for name, x in self.states.items()
@@ -313,49 +327,27 @@ class _Motion:
         return max(map(self.rms, np.moveaxis(self.parts(axis, self.states), -1, 0)))
 
 
-# A column: the field of `Columns` that it is of, its place on the last axis (None for all), and its values.
-_Column = tuple[str, int | None, Any]
-
-
 class _Builder:
     """Collects sources and their columns."""
 
-    def __init__(self, motion: _Motion) -> None:
-        self.motion = motion
+    def __init__(self) -> None:
         self.sources: list[Source] = []
-        self.parts: dict[str, list[tuple[int, np.ndarray]]] = {name: [] for name in Columns._fields}
-        self.count = 0
+        self.columns: list[Column] = []
 
-    def add(self, effect: Effect, worth: float, stated: float | None, columns: list[_Column]) -> None:
+    def add(self, effect: Effect, worth: float, stated: float | None, columns: list[Column]) -> None:
         """Add a source."""
-        places = tuple(range(self.count, self.count + len(columns)))
-        self.sources.append(Source(effect, places, stated, worth))
-        for place, (field, at, values) in zip(places, columns, strict=True):
-            whole = np.zeros(_shape(self.motion.posterior, field))
-            whole[..., slice(None) if at is None else at] = values
-            self.parts[field].append((place, whole))
-        self.count += len(columns)
+        first = len(self.columns)
+        self.sources.append(Source(effect, tuple(range(first, first + len(columns))), stated, worth))
+        self.columns += columns
 
-    def leave_out(self, columns: list[_Column]) -> None:
+    def leave_out(self, columns: list[Column]) -> None:
         """Keep the places of what is no source here: structures of which it is one then have the same programs."""
-        for place, (field, *_) in enumerate(columns, self.count):
-            self.parts[field].append((place, np.zeros(_shape(self.motion.posterior, field))))
-        self.count += len(columns)
-
-    def columns(self) -> Columns:
-        """Return all columns."""
-        empty = _no_columns(self.motion.posterior)._asdict()
-        filled = {
-            name: (np.array([place for place, _ in part]), np.stack([values for _, values in part]))
-            for name, part in self.parts.items()
-            if part
-        }
-        return Columns(**(empty | filled))
+        self.columns += columns
 
 
 def _sources(
     motion: _Motion, stated: StatedErrors, lags: Mapping[Effect, tuple[float, float]]
-) -> Iterator[tuple[Effect, float, float | None, list[_Column]]]:
+) -> Iterator[tuple[Effect, float, float | None, list[Column]]]:
     """Yield every source that the model does not have: the effect, its `worth`, its stated standard deviation, and its columns."""
     likelihood, model, data = motion.likelihood, motion.model, motion.data
     axes, controls = model.disturbance_axes, model.controls
@@ -379,7 +371,7 @@ def _sources(
         shift = np.zeros(_shape(motion.posterior, "control"))
         for name in commands:
             change = np.append(np.diff(motion.controls[name], axis=1), np.zeros((len(step), 1)), axis=1)
-            shift[..., controls.index(name)] = change * (interval / step) * motion.inside
+            shift[controls.index(name)] = change * (interval / step) * motion.inside
         yield Effect("clock", "", "s"), interval, stated.clock or None, [("control", None, shift)]
     if len(step) >= MIN_RUNS:
         for axis in axes:
@@ -420,9 +412,7 @@ def _sources(
         for name in [effect.of] if effect.of else may_lag if effect.kind == "command lag" else commands:
             for column, lag in zip(columns, lags.get(effect, LAGS), strict=True):
                 follow = _late if effect.kind == "command lag" else _delayed
-                column[..., controls.index(name)] = (
-                    follow(motion.controls[name], motion.step, lag) - motion.controls[name]
-                )
+                column[controls.index(name)] = follow(motion.controls[name], motion.step, lag) - motion.controls[name]
         if commands:
             yield effect, 1.0, None, [("control", None, one) for one in columns]
     for i, sensor in enumerate(likelihood.simulator.sensors):
@@ -445,7 +435,7 @@ def _sources(
                 )
     if axes:
         for i, axis in enumerate(axes):
-            smooth: list[_Column] = [("force", i, one) for one in _features(motion, past, axis)]
+            smooth: list[Column] = [("force", i, one) for one in _features(motion, past, axis)]
             yield Effect("smooth force", axis), 1.0, None, smooth
 
 
@@ -485,7 +475,7 @@ def _has_loss(model: VehicleModel) -> bool:
     return any("u" in one.signals and driving & {*one.signals} for one in (*model.coefficients, *known))
 
 
-def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "trials n axes"]:
+def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "axes trials n"]:
     """Return the change of the force on each axis if each m/s ahead takes away all of every command of propulsion, to first order."""
     small = 1e-3 / motion.rms(motion.states["u"])
     forces = []
@@ -496,7 +486,7 @@ def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "trials n axes"]:
             return motion.acceleration(axis, {**signals, **left}) - motion.acceleration(axis, signals)
 
         forces.append(motion.inertia[axis] * motion.mean(lost) / small)
-    return np.stack(forces, -1)
+    return np.stack(forces)
 
 
 def _stated_inertia(model: VehicleModel) -> dict[str, float]:
@@ -526,8 +516,9 @@ def _features(motion: _Motion, past: Mapping[str, list[np.ndarray]], axis: str) 
     ]  # small motions about a trim do not make forces change faster
 
     def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        apart = (a[:, None, 2:] - b[:, 2:])[..., moves] / reach
-        return (a[:, :2] @ b[:, :2].T) * np.exp(-0.5 * np.square(apart).sum(-1))
+        x, y = (one[:, 2:][:, moves] / reach for one in (a, b))
+        apart = np.square(x).sum(1)[:, None] + np.square(y).sum(1) - 2.0 * (x @ y.T)
+        return (a[:, :2] @ b[:, :2].T) * np.exp(-0.5 * np.maximum(apart, 0.0))
 
     random = np.random.default_rng(0)
     points = ends[0][np.sort(random.choice(len(ends[0]), min(len(ends[0]), POINTS), replace=False))]
@@ -548,22 +539,19 @@ def _late(
     column: Float[np.ndarray, "trials n"], step: Float[np.ndarray, "trials n"], lag: float
 ) -> Float[np.ndarray, "trials n"]:
     """Return the mean over each step of what follows a held command with a lag, from where the first one holds it."""
-    actual, late = column[:, 0].copy(), np.empty_like(column)
     left = np.exp(-step / lag)
     share = np.where(step > 0, (1.0 - left) * lag / np.where(step > 0, step, 1.0), 1.0)
-    for k in range(column.shape[1]):
-        away = actual - column[:, k]
-        late[:, k] = column[:, k] + away * share[:, k]
-        actual = column[:, k] + away * left[:, k]
-    return late
+    # Numbers one by one: arrays as short as the number of trials take ten times longer.
+    actual = [
+        [*accumulate(zip(own[:-1], rest[:-1], strict=True), lambda x, at: at[0] + (x - at[0]) * at[1], initial=own[0])]
+        for own, rest in zip(column.tolist(), left.tolist(), strict=True)
+    ]
+    return column + (np.array(actual) - column) * share
 
 
 def _with_backlash(column: Float[np.ndarray, "trials n"], slack: float) -> Float[np.ndarray, "trials n"]:
     """Return what follows a held command once that has moved away from it by half of a backlash."""
-    actual, result = column[:, 0].copy(), np.empty_like(column)
-    for k in range(column.shape[1]):
-        result[:, k] = actual = np.clip(actual, column[:, k] - slack, column[:, k] + slack)
-    return result
+    return np.array([[*accumulate(own, lambda x, at: min(max(x, at - slack), at + slack))] for own in column.tolist()])
 
 
 def _delayed(
@@ -580,20 +568,26 @@ def _delayed(
 
 
 def _shape(posterior: Posterior, field: str) -> tuple[int, ...]:
-    """Return the shape of one column of a field of `Columns`."""
+    """Return the shape of a field of `Changes`."""
     likelihood: Any = posterior.likelihood
     model, (trials, n) = likelihood.model, posterior.data.step.shape
     shapes = {
-        "force": (trials, n, len(model.disturbance_axes)),
-        "control": (trials, n, len(model.controls)),
-        "start": (trials, len(model.states)),
+        "force": (len(model.disturbance_axes), trials, n),
+        "control": (len(model.controls), trials, n),
+        "start": (len(model.states), trials),
     }
     return shapes.get(field, (len(likelihood.channels),))
 
 
-def _no_columns(posterior: Posterior) -> Columns:
-    nothing = np.zeros(0, int)
-    return Columns(*((nothing, np.zeros((0, *_shape(posterior, field)))) for field in Columns._fields))
+def _nothing(posterior: Posterior, *ways: int) -> Changes:
+    return Changes(*(np.zeros((*_shape(posterior, field), *ways)) for field in Changes._fields))
+
+
+def _changes(posterior: Posterior, columns: Sequence[Column], sizes: Any) -> Changes:
+    changes = _nothing(posterior)
+    for column, size in zip(columns, sizes, strict=True):
+        changes.add(column, size)
+    return changes
 
 
 @lru_cache(maxsize=64)
@@ -610,37 +604,35 @@ def _pushed(model: VehicleModel) -> VehicleModel:
     return replace(model, controls=controls, derivative=derivative)
 
 
-def _shown(posterior: Posterior, sensors: tuple[Sensor, ...], columns: Columns, z: Array, sizes: Array) -> Array:
-    """Return what sensors show with sources of error, shape (trials, n, sensors), and before their own scale and offset."""
+def _shown(posterior: Posterior, sensors: tuple[Sensor, ...], changes: Changes, z: Array) -> tuple[Array, ...]:
+    """Return what each sensor shows with such changes, shape (trials, n), and before those of its own scale and offset."""
     likelihood: Any = posterior.likelihood
     simulator = replace(likelihood.simulator, model=_pushed(likelihood.model), sensors=sensors)
     values = dict(zip(posterior.names, posterior.constrain(z), strict=True))
-    force, control, start, *_ = columns.along(sizes)
 
-    def of_one_trial(apart: dict, trial: Any, begin: Array, force: Array, change: Array, start: Array) -> Array:
-        moved = tuple(column + change[:, i] for i, column in enumerate(trial.control))
-        pushes = tuple(force[:, i] for i in range(force.shape[1]))
-        return simulator.outputs({**values, **apart}, begin + start, (*moved, *pushes), trial.step)
+    def of_one_trial(apart: dict, trial: Any, begin: Array, force: Array, change: Array, start: Array) -> tuple:
+        moved = tuple(column + change[i] for i, column in enumerate(trial.control))
+        return simulator.simulate({**values, **apart}, begin + start, (*moved, *force), trial.step).kept
 
     starts = likelihood.starts(values, posterior.data)
-    return jax.vmap(of_one_trial)(likelihood.apart(values), posterior.data, starts, force, control, start)
+    each = jax.vmap(of_one_trial, (0, 0, 0, 1, 1, 1))
+    return each(likelihood.apart(values), posterior.data, starts, *changes[:3])
 
 
 @program(static_argnums=1)
-def _follow(posterior: Posterior, states: tuple[str, ...], columns: Columns, z: Array, sizes: Array) -> Array:
-    """Return states of the motion, shape (trials, n, states)."""
-    return _shown(posterior, tuple(map(Sensor, states)), columns, z, sizes)
+def _follow(posterior: Posterior, states: tuple[str, ...], changes: Changes, z: Array) -> tuple[Array, ...]:
+    """Return each state of the motion, shape (trials, n)."""
+    return _shown(posterior, tuple(map(Sensor, states)), changes, z)
 
 
 @program
 def _shown_and_slopes(
-    posterior: Posterior, columns: Columns, z: Array, sizes: Array, ways: Array
-) -> tuple[Array, Array]:
-    """Return what every sensor shows, shape (trials, n, channels), and its slopes along ways of z and then the sizes."""
+    posterior: Posterior, changes: Changes, z: Array, ways: Array, along: Changes
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """Return what every sensor shows, shape (trials, n), and its slopes along k ways of z and of the changes, shape (trials, n, k)."""
 
-    def shown(z: Array, sizes: Array) -> Array:
-        *_, scale, offset = columns.along(sizes)
-        plain = _shown(posterior, posterior.likelihood.simulator.sensors, columns, z, sizes)
-        return plain * (1.0 + scale) + offset
+    def shown(z: Array, changes: Changes) -> tuple[Array, ...]:
+        plain = _shown(posterior, posterior.likelihood.simulator.sensors, changes, z)
+        return tuple(x * (1.0 + changes.scale[i]) + changes.offset[i] for i, x in enumerate(plain))
 
-    return jax.vmap(lambda way: jax.jvp(shown, (z, sizes), (way[: z.size], way[z.size :])), out_axes=(None, 0))(ways)
+    return jax.vmap(lambda *way: jax.jvp(shown, (z, changes), way), (0, -1), (None, -1))(ways, along)

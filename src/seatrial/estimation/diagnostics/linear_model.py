@@ -30,7 +30,7 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.compiled.batching import bucket_length
 from seatrial.compiled.programs import program
-from seatrial.estimation.diagnostics.error_sources import Effect, Perturbed, linearise
+from seatrial.estimation.diagnostics.error_sources import FEW, Effect, Perturbed, linearise
 from seatrial.estimation.posterior.mode import expand_prior
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors import Prior, Uniform
@@ -126,15 +126,20 @@ class LinearModel:
         edges = edges_of(posterior)
         self.x, slope = straightened(at.z, edges), np.exp(log_slopes(at.z, edges))
         self.edges = edges[self.moving]
-        expected = [_along(rows, at.z, self.x, slope) for rows in linearise(posterior, at)]
-        self.is_finite = all(np.isfinite(one).all() for one in expected)
         values = dict(zip(names, np.asarray(expand_prior(posterior, at.z)[1]), strict=True))
         kept = np.r_[0, 1 + np.array(self.moving, int), 1 + len(names) + np.arange(at.sizes.size)]
+        # Structures of few parameters share the program of all columns; of many, what does not move is not summed.
+        summed = np.arange(1 + len(names) + at.sizes.size) if posterior.dim <= FEW else kept
+        chosen = np.ix_(*[np.flatnonzero(np.isin(summed, kept))] * 2)
         self.channels: list[tuple[float, list[Shape]]] = []
         self.first: list[tuple[int, float]] = []
-        for rows, channel, sensor in zip(expected, posterior.data.channels, likelihood.simulator.sensors, strict=True):
-            shapes = noise_shapes(sensor, values, channel, rows) if self.is_finite else []
-            shapes = [Shape(one.products[np.ix_(kept, kept)], one.log_sd) for one in shapes]
+        self.is_finite = True
+        linearised = zip(linearise(posterior, at), posterior.data.channels, likelihood.simulator.sensors, strict=True)
+        for rows, channel, sensor in linearised:
+            expected = _along(rows, at.z, self.x, slope)[..., summed]
+            self.is_finite &= bool(np.isfinite(expected).all())
+            shapes = noise_shapes(sensor, values, channel, expected) if self.is_finite else []
+            shapes = [Shape(one.products[chosen], one.log_sd) for one in shapes]
             self.channels.append((float(np.asarray(channel.present).sum()), shapes))
             self.first.append((0, float(values[noise_name(sensor.channel)])))
         # Where a map bends, its slope is a part of the density of the prior; on the line it is none.

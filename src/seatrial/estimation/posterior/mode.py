@@ -335,10 +335,17 @@ def draw_about(posterior: Posterior, mode: Mode, count: int, random: np.random.G
     values, vectors = np.linalg.eigh(mode.cov)
     factor = vectors * np.sqrt(np.abs(values))
     sides = np.concatenate([factor.T, -factor.T])
-    points = mode.z + REACH[:, None, None] * sides
-    drop = mode.log_density - _heights(posterior, points.reshape(-1, mode.z.size)).reshape(points.shape[:2])
-    holds = drop <= FALL
-    reach = np.where(holds[0], np.inf, np.where(holds.any(0), REACH[np.argmax(holds, 0)], REACH[-1]))
+    reach = np.full(len(sides), np.inf)
+
+    def holds(steps: np.ndarray, sides: np.ndarray) -> np.ndarray:
+        points = mode.z + steps[:, None, None] * sides
+        drop = mode.log_density - _heights(posterior, points.reshape(-1, mode.z.size)).reshape(points.shape[:2])
+        return drop <= FALL
+
+    falls = np.flatnonzero(~holds(REACH[:1], sides)[0])
+    if falls.size:
+        nearer = holds(REACH[1:], sides[falls])
+        reach[falls] = np.where(nearer.any(0), REACH[1:][np.argmax(nearer, 0)], REACH[-1])
     if DELAY in posterior.present_names:  # between the peaks along a delay the density falls and rises again
         reach[np.tile(np.abs(vectors[posterior.names.index(DELAY)]) > 0.5, 2)] = np.inf
     steps = random.standard_normal((count, mode.z.size))
