@@ -212,7 +212,8 @@ class LinearModel:
             peak, log_volume, cov = _solve(information, precision[left], mean[left])
             values, cov, log_share = cut(peak, cov, self.edges)
             density, found = log_share, []
-            squares = [self._squares(here, one, sums) for one in (values, peak)]
+            squares = [self._squares(here, values, sums)]
+            squares.append(squares[0] if values is peak else self._squares(here, peak, sums))
             for (count, _), log_sd, square, least in zip(self.channels, log_sds, *squares, strict=True):
                 sd = np.sqrt(np.maximum(square, TINY) / max(count, 1.0))
                 best = np.argmax(-log_sd - count * np.log(sd), 0), np.arange(left.size)
@@ -236,10 +237,21 @@ class LinearModel:
         values: Float[np.ndarray, "g q"],
         sums: Sequence[Float[np.ndarray, "h a a"]],
     ) -> list[Float[np.ndarray, "h g"]]:
-        """Return for each channel the squares that g sets leave under noise of each of h shapes."""
-        away = np.zeros((len(values), sums[0].shape[1]))
-        np.put_along_axis(away, among, np.c_[np.ones(len(values)), -values], 1)
-        return [((away @ own) * away).sum(2) for own in sums]  # of all columns: one product of matrices for each shape
+        """Return for each channel the squares that g sets leave under noise of each of h shapes.
+
+        With b of the columns that sets have of their own, the squares are a' P a = a_s' P_ss a_s + 2 b' P_b a - b' P_bb b.
+        """
+        away = np.c_[np.ones(len(values)), -values]
+        shared = int(np.argmin(np.append((among == among[0]).all(0), False)))
+        same, own, alike, apart = among[0, :shared], among[:, shared:], away[:, :shared], away[:, shared:]
+        result = []
+        for products in sums:
+            squares = ((alike @ products[:, same[:, None], same]) * alike).sum(2)
+            rows = products[:, own[:, :, None], among[:, None]]
+            along = 2.0 * np.einsum("hgcq,gq->hgc", rows, away)
+            along -= np.einsum("hgcq,gq->hgc", rows[..., shared:], apart)
+            result.append(squares + (along * apart).sum(2))
+        return result
 
     def average(self, kinds: Sequence[str] = ()) -> list[Member]:
         """Return sets of sources, the most probable first.

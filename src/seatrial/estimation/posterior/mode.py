@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -625,9 +625,13 @@ def _expand(posterior: Posterior, z: Float[np.ndarray, " d"], climbing: bool = F
     )
 
 
-@program
-def expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
+def expand_prior(posterior: Posterior, z: Any) -> tuple[Array, Array, Array, Array]:
     """Return log prior densities with two derivatives, shape (3, d), and values with two derivatives, shape (d,) each."""
+    return _expand_prior(replace(posterior, data=(), guess=None), z)  # one program for records of any length
+
+
+@program
+def _expand_prior(posterior: Posterior, z: Array) -> tuple[Array, Array, Array, Array]:
     prior, value = posterior.log_priors, posterior.constrain
     along = jnp.ones_like(z)
 
