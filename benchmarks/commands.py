@@ -4,7 +4,8 @@
 then with those that the first left. Growth with the number of structures and of samples follows, the study of the paper, quick and full,
 and a click on "Run the design" in the dashboard: its session's answer, without the browser (`dashboard.py --clicks` has one).
 Then the fits of records that are long or have many unknowns: ten minutes of an ROV with eight thrusters at 50 Hz, and a minute of nine
-channels with 27 unknowns. `--only loop growth run click records paper-quick paper` measures some of it. Nothing else should run
+channels with 27 unknowns. `--only loop growth run click records paper-quick paper` measures some of it, and `--programs` shows instead
+what these fits compile and run: instructions, seconds of compiling and running and times run, the largest first. Nothing else should run
 meanwhile. Modules are compiled before, as an installer does, whatever PYTHONDONTWRITEBYTECODE says.
 """
 
@@ -72,10 +73,15 @@ def main() -> None:
     """Measure and print what was asked for, all of it where nothing was."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
-    chosen = parser.parse_args().only
+    parser.add_argument("--programs", action="store_true", help="show the programs of the fits of records")
+    options = parser.parse_args()
+    chosen = options.only
     for package in ("src", "studies"):
         compileall.compile_dir(ROOT / package, quiet=1)
     with tempfile.TemporaryDirectory() as place:
+        if options.programs:
+            _programs(Path(place))
+            return
         for name in chosen:
             PARTS[name](Path(place))
 
@@ -189,6 +195,26 @@ def _records(base: Path) -> None:
                 )
 
 
+def _programs(base: Path) -> None:
+    """Show what the fits of records compile and run with empty caches."""
+    for example, (duration, commands) in RECORDS.items():
+        made = base / example
+        _make_record(example, duration, made)
+        for name in commands:
+            folder = base / f"{example}-{name}"
+            shutil.copytree(made, folder)
+            command, *options = name.split()
+            done = _process(["-c", _COUNTED + _MEASURED, command, str(folder), *options], base / f"{folder.name}-cache")
+            rows = re.findall(
+                r"program (\S+): (\d+) instructions, ([\d.]+) s compiled, (\d+) runs, ([\d.]+) s", done.stderr
+            )
+            print(
+                f"{example}, {duration} s, {name}\n{'':24}{'instructions':>14}{'compile s':>11}{'runs':>7}{'run s':>9}"
+            )
+            for title, count, compiled, runs, ran in sorted(rows, key=lambda row: -float(row[2]) - float(row[4])):
+                print(f"  {title:22}{count:>14}{float(compiled):11.2f}{runs:>7}{float(ran):9.2f}")
+
+
 def _make_record(example: str, duration: int, folder: Path) -> None:
     """Simulate the log of an example over so many seconds, and import it."""
     (script,) = (ROOT / "examples" / example).glob("make_*.py")
@@ -253,16 +279,11 @@ def _run(words: Sequence[str], cache: Path) -> Cost:
 
 def _measure(words: Sequence[str], cache: Path) -> Cost:
     """Run Python in a process of its own."""
-    environment = os.environ | _environment(cache) | {"JAX_LOG_COMPILES": "1"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     start = os.times().elapsed
-    done = subprocess.run(
-        [sys.executable, *words], env=environment, capture_output=True, text=True, check=False, cwd=ROOT
-    )
+    done = _process(words, cache)
     wall = os.times().elapsed - start
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode not in (0, 3):
-        raise SystemExit(f"{' '.join(words[-4:])} ended with {done.returncode}:\n{done.stderr[-2000:]}")
     peak = re.search(r"peak memory (\d+) kB", done.stderr)
     return Cost(
         after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
@@ -273,6 +294,42 @@ def _measure(words: Sequence[str], cache: Path) -> Cost:
     )
 
 
+def _process(words: Sequence[str], cache: Path) -> subprocess.CompletedProcess:
+    environment = os.environ | _environment(cache) | {"JAX_LOG_COMPILES": "1"}
+    done = subprocess.run(
+        [sys.executable, *words], env=environment, capture_output=True, text=True, check=False, cwd=ROOT
+    )
+    if done.returncode not in (0, 3):
+        raise SystemExit(f"{' '.join(words[-4:])} ended with {done.returncode}:\n{done.stderr[-2000:]}")
+    return done
+
+
+_COUNTED = """
+import atexit, sys, time
+from seatrial.compiled import engine
+engine.configure()
+import jax
+rows = {}
+def compile(self, *given, of=jax.stages.Lowered.compile, **named):
+    began = time.process_time()
+    ready = of(self, *given, **named)
+    seconds, text = time.process_time() - began, ready.as_text()
+    rows[id(ready)] = [text.split()[1].strip(",").removeprefix("jit_"), text.count(" = "), seconds, 0, 0.0, ready]
+    return ready
+def call(self, *given, of=jax.stages.Compiled.__call__, **named):
+    began = time.process_time()
+    result = jax.block_until_ready(of(self, *given, **named))
+    if id(self) in rows:
+        rows[id(self)][3] += 1
+        rows[id(self)][4] += time.process_time() - began
+    return result
+def show():
+    for name, count, compiled, runs, ran, _ in rows.values():
+        print(f"program {name}: {count} instructions, {compiled:.3f} s compiled, {runs} runs, {ran:.3f} s", file=sys.stderr)
+jax.stages.Lowered.compile, jax.stages.Compiled.__call__ = compile, call
+atexit.register(show)
+"""
+"""Counts each program that is compiled, and its runs; processor seconds."""
 _MEASURED = """
 import atexit, resource, sys
 atexit.register(lambda: print("peak memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, "kB", file=sys.stderr))
