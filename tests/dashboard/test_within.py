@@ -16,8 +16,8 @@ from seatrial.campaign.config.named_files import VARIABLE, keep_within
 from seatrial.dashboard.jobs import Jobs
 from seatrial.dashboard.server import serve
 from seatrial.dashboard.worker_pool import WorkerPool
-from tests.campaign.small import write_small
-from tests.campaign.test_named_files import FILE, TRUTH
+from tests.campaign.small import LOGGED, write_small
+from tests.campaign.test_named_files import FILE
 
 
 def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch, capsys):
@@ -48,7 +48,7 @@ def test_neither_a_page_nor_a_command_reads_a_curve_outside(tmp_path, monkeypatc
     folder = tmp_path / "boat"
     folder.mkdir()
     (folder / "log.csv").write_text("t,pwm,u\n0,1,1\n1,2,1\n2,3,1\n")
-    write_small(folder, (TRUTH, FILE.format(path="log.csv", curve="../secret.txt")))
+    write_small(folder, (LOGGED[0], FILE.format(path="log.csv", curve="../secret.txt")))
     keep_within([folder])
 
     async def shown():

@@ -272,7 +272,7 @@ class _Motion:
         self.inside = self.step > 0  # what fills up a trial takes no time
         changes = _nothing(posterior) if before is None else _changes(posterior, before.columns, sizes)
         shown = _follow(posterior, self.model.states, changes, z)
-        self.states = dict(zip(self.model.states, map(np.asarray, shown), strict=True))
+        self.states = dict(zip(self.model.states, np.asarray(shown), strict=True))
         last = self.inside & ~np.concatenate([self.inside[:, 1:], np.zeros_like(self.inside[:, :1])], 1)
         self.next = {
             name: np.where(last, x, np.concatenate([x[:, 1:], x[:, -1:]], 1)) for name, x in self.states.items()

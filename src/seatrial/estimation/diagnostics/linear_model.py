@@ -388,7 +388,7 @@ def _sums(
 ) -> list[Shape]:
     """Return the sums under slow parts, each of a size, a memory and whether it is smooth, beside a white part."""
     products, log_sd = _whitened_sums(rows, here, gap, *map(np.array, zip(*slow, strict=True)), white)
-    return [Shape(*one) for one in zip(np.asarray(products), map(float, log_sd), strict=True)]
+    return [Shape(*one) for one in zip(np.asarray(products), map(float, np.asarray(log_sd)), strict=True)]
 
 
 @program
