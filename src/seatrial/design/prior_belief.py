@@ -15,7 +15,7 @@ from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.priors import Prior
+from seatrial.estimation.priors import Prior, by_kind
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
@@ -136,10 +136,9 @@ def _draws(belief: Belief, key: jax.Array, n: int) -> tuple[Array, Array]:
     """Draws of z and of the coefficients."""
     if isinstance(belief, Gaussian):
         z = jax.random.normal(key, (n, belief.mean.size))
-    else:
-        keys = jax.random.split(key, len(belief))
-        z = jnp.stack([prior.sample(k, (n,)) for prior, k in zip(belief, keys, strict=True)], 1)
-    return z, jax.vmap(lambda one: values_of(belief, one))(z)
+        return z, jax.vmap(lambda one: values_of(belief, one))(z)
+    z = by_kind(belief, lambda prior, key: prior.sample(key, (n,)), jax.random.split(key, len(belief)))
+    return z, by_kind(belief, lambda prior, z: prior.constrain(z), z)
 
 
 @program

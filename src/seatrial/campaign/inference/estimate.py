@@ -5,7 +5,6 @@ from dataclasses import astuple
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from seatrial.campaign.compute.place import workers_of
@@ -41,7 +40,7 @@ from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.noncentred import in_posterior, uncouple, uncoupled_mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
-from seatrial.estimation.priors import prior_curve
+from seatrial.estimation.priors import by_kind, prior_curve
 from seatrial.messages.effects import contents_text
 from seatrial.messages.identifiability import identifiability_cautions
 from seatrial.messages.render import sentences
@@ -300,5 +299,4 @@ def prior_curves(posterior: Posterior) -> dict[str, tuple[np.ndarray, np.ndarray
 @program
 def _prior_curves(posterior: Posterior) -> tuple[jax.Array, jax.Array]:
     """Return values of every parameter along z, and their log prior densities per unit of the value, shape (points, d)."""
-    values, log_density = zip(*(prior_curve(parameter.prior) for parameter in posterior.parameters), strict=True)
-    return jnp.stack(values, -1), jnp.stack(log_density, -1)
+    return by_kind([parameter.prior for parameter in posterior.parameters], prior_curve)

@@ -6,11 +6,14 @@ if c < 0. An even phi (s^2), a change from trim (`X_du3`) or another signal has 
 positive if and only if X_udot < m.
 """
 
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import TYPE_CHECKING, Any, Protocol
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
 
 from seatrial.core.coefficients import AXES, CoefficientName, Factor
 from seatrial.core.errors import InputError
@@ -71,6 +74,26 @@ class Prior(Protocol):
 
     if not TYPE_CHECKING:  # no member that a prior must have: it builds one
         from_logpdf = staticmethod(prior_of_density)
+
+
+def by_kind(priors: Sequence[Prior], function: Callable[..., Any], *columns: Array) -> Any:
+    """Return a function of each prior and its own columns, the last axis, compiled once for each kind of prior and not for each.
+
+    Args:
+        priors: of which the numbers are traced.
+        function: of a prior and of a column of each of the arrays; an array, or a tree of them.
+        columns: arrays whose last axis is that of the priors.
+    """
+    kinds: dict[Any, list[int]] = {}
+    for i, prior in enumerate(priors):
+        kinds.setdefault(jax.tree.structure(prior), []).append(i)
+    order = np.argsort([i for members in kinds.values() for i in members])
+    parts = []
+    for members in kinds.values():
+        numbers = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(priors[i] for i in members))
+        own = [column[..., np.array(members)] for column in columns]
+        parts.append(jax.vmap(function, (0, *[-1] * len(own)), -1)(numbers, *own))
+    return jax.tree.map(lambda *each: jnp.concatenate(each, -1)[..., order], *parts)
 
 
 def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
