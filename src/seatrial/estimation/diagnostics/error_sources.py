@@ -20,6 +20,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate
+from tempfile import TemporaryFile
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -227,32 +228,40 @@ def linearise(posterior: Posterior, at: Perturbed) -> Iterator[Float[np.ndarray,
     Yields:
         an array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
     """
-    d, point = at.z.size, np.concatenate([at.z, at.sizes])
-    moving = [*range(d), *(d + place for source in at.sources for place in source.columns)]
-    here = [np.asarray(channel.present) > 0 for channel in posterior.data.channels]
-    changes, slopes = _changes(posterior, at.columns, at.sizes), []
-    for first in range(0, len(moving), SIDE_BY_SIDE):
-        ways, along = (
-            np.zeros((SIDE_BY_SIDE, d)),
-            _nothing(posterior, SIDE_BY_SIDE),
-        )  # as many in each call: one program
-        for way, place in enumerate(moving[first : first + SIDE_BY_SIDE]):
-            if place < d:
-                ways[way, place] = 1.0
-            else:
-                along.add(at.columns[place - d], 1.0, way)
-        shown, parts = _shown_and_slopes(posterior, changes, at.z, ways, along)
-        slopes.append([np.asarray(part)[of_channel] for part, of_channel in zip(parts, here, strict=True)])
-    for i, (channel, of_channel) in enumerate(zip(posterior.data.channels, here, strict=True)):
-        own = np.concatenate([parts.pop(0) for parts in slopes], -1)[
-            :, : len(moving)
-        ]  # of which no second copy is kept
-        expected = (np.asarray(channel.measured) - np.asarray(shown[i]))[of_channel] + own @ point[moving]
-        rows = np.zeros((*of_channel.shape, 1 + point.size))
-        measured = np.zeros((expected.size, 1 + point.size))
-        measured[:, 0], measured[:, 1 + np.array(moving)] = expected, own
-        rows[of_channel] = measured
-        yield rows
+    d, point, noise = at.z.size, np.concatenate([at.z, at.sizes]), posterior.likelihood.noise_parameters
+    moving = [i for i, name in enumerate(posterior.names) if name not in noise]  # of the noise slopes are 0
+    moving += [d + place for source in at.sources for place in source.columns]
+    groups = [moving[first : first + SIDE_BY_SIDE] for first in range(0, len(moving), SIDE_BY_SIDE)]
+    here = [np.flatnonzero(np.asarray(channel.present) > 0) for channel in posterior.data.channels]
+    changes = _changes(posterior, at.columns, at.sizes)
+    shown: Sequence[Array] = ()
+    # Every way yields all channels, and each channel needs all ways: a long record's slopes wait in a file, not in memory.
+    with TemporaryFile() as file:
+        for group in groups:
+            ways, along = np.zeros((SIDE_BY_SIDE, d)), _nothing(posterior, SIDE_BY_SIDE)  # as many in each call
+            for way, place in enumerate(group):
+                if place < d:
+                    ways[way, place] = 1.0
+                else:
+                    along.add(at.columns[place - d], 1.0, way)
+            shown, parts = _shown_and_slopes(posterior, changes, at.z, ways, along)
+            for part, of_channel in zip(parts, here, strict=True):
+                file.write(np.asarray(part).reshape(-1, SIDE_BY_SIDE)[of_channel].data)
+        lengths = SIDE_BY_SIDE * np.array([one.size for one in here])
+
+        def rows_of(i: int) -> Float[np.ndarray, "trials n _"]:
+            measured = np.asarray(posterior.data.channels[i].measured)
+            rows = np.zeros((measured.size, 1 + point.size))
+            rows[here[i], 0] = (measured - np.asarray(shown[i])).ravel()[here[i]]
+            for number, group in enumerate(groups):
+                file.seek(8 * int(number * lengths.sum() + lengths[:i].sum()))
+                own = np.frombuffer(file.read(8 * int(lengths[i]))).reshape(-1, SIDE_BY_SIDE)[:, : len(group)]
+                rows[here[i], 0] += own @ point[group]
+                rows[here[i][:, None], 1 + np.array(group)] = own
+            return rows.reshape(*measured.shape, -1)
+
+        for i in range(len(here)):
+            yield rows_of(i)
 
 
 class _Motion:

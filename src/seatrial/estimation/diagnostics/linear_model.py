@@ -134,11 +134,14 @@ class LinearModel:
         self.channels: list[tuple[float, list[Shape]]] = []
         self.first: list[tuple[int, float]] = []
         self.is_finite = True
-        linearised = zip(linearise(posterior, at), posterior.data.channels, likelihood.simulator.sensors, strict=True)
-        for rows, channel, sensor in linearised:
-            expected = _along(rows, at.z, self.x, slope)[..., summed]
-            self.is_finite &= bool(np.isfinite(expected).all())
-            shapes = noise_shapes(sensor, values, channel, expected) if self.is_finite else []
+        linearised = linearise(posterior, at)
+        for channel, sensor in zip(posterior.data.channels, likelihood.simulator.sensors, strict=True):
+            # Of the slopes of a long record no copy outlives its use.
+            rows = _along(next(linearised), at.z, self.x, slope)
+            rows = rows if summed.size == rows.shape[2] else rows[..., summed]
+            self.is_finite &= bool(np.isfinite(rows).all())
+            shapes = noise_shapes(sensor, values, channel, rows) if self.is_finite else []
+            del rows
             shapes = [Shape(one.products[chosen], one.log_sd) for one in shapes]
             self.channels.append((float(np.asarray(channel.present).sum()), shapes))
             self.first.append((0, float(values[noise_name(sensor.channel)])))
@@ -357,7 +360,8 @@ def noise_shapes(
     first = np.argsort(~here, 1, kind="stable")[:, :samples]  # measured samples first: the others change nothing
     here, kind = (np.take_along_axis(one, first, 1) for one in (here, np.asarray(channel.kind)))
     gap = np.where(here, np.take_along_axis(gaps, kind, 1), FOREVER)
-    where = np.take_along_axis(rows, first[..., None], 1), here.astype(float), gap
+    rows = rows if here.all() and samples == rows.shape[1] else np.take_along_axis(rows, first[..., None], 1)
+    where = rows, here.astype(float), gap
     if sensor.noise == "coloured":
         return _sums(*where, [(1.0, values[correlation_name(sensor.channel)], 0.0)], 0.0)
     if sensor.noise == "drifting":
@@ -485,11 +489,11 @@ def _along(
     x: Float[np.ndarray, " d"],
     slope: Float[np.ndarray, " d"],
 ) -> Float[np.ndarray, "trials n a"]:
-    """Return what is expected of a channel and its slopes along straight lines x, from those along z; see `linearise`."""
-    d = z.size
-    along = rows[..., 1 : 1 + d] / slope
-    expected = rows[..., 0] - rows[..., 1 : 1 + d] @ z + along @ x
-    return np.concatenate([expected[..., None], along, rows[..., 1 + d :]], -1)
+    """Turn slopes along z into those along straight lines x, and what is expected with them, in place; see `linearise`."""
+    along = rows[..., 1 : 1 + z.size]
+    rows[..., 0] += along @ (x / slope - z)
+    along /= slope
+    return rows
 
 
 def cut(
