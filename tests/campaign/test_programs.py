@@ -53,6 +53,18 @@ def test_records_of_any_length_are_judged_by_the_same_programs(tmp_path, program
     assert programs(likely_causes, campaign, [part, record]) == 0
 
 
+def test_logs_and_campaigns_of_other_names_need_no_program(tmp_path, programs):
+    starts = ("chains = 16", 'initial = "estimated"\nchains = 16')
+    first = load_campaign(write_small(tmp_path / "first", lasting(47.1), starts))
+    second = load_campaign(
+        write_small(tmp_path / "second", lasting(47.1), starts, ('name = "small"', 'name = "other"'))
+    )
+    trials = get_trials(first)
+    renamed = replace(trials, fit=tuple(replace(record, label="another") for record in trials.fit))
+    assert programs(posterior_modes, first, trials) > 0
+    assert programs(posterior_modes, second, renamed) == 0
+
+
 @pytest.mark.proof
 def test_a_design_needs_no_more_programs_for_more_structures(tmp_path, programs):
     campaign = load_campaign(write_small(tmp_path, lasting(37.1), *TWO_MORE))

@@ -81,9 +81,9 @@ class FilterError:
         total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def of_any_trial(self) -> "FilterError":
-        """Return the likelihood of one trial, labelled `ANY_TRIAL`."""
-        return replace(self, output=self.output.of_any_trial())
+    def labelled(self, labels: tuple[str, ...]) -> "FilterError":
+        """Return the likelihood of trials of other labels."""
+        return replace(self, output=self.output.labelled(labels))
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         control = jnp.stack(self.output.simulator.delayed(values, trial.control, trial.step), -1)

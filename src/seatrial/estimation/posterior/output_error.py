@@ -10,7 +10,7 @@ a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical mo
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import gcd
 from typing import Any
 
@@ -47,7 +47,7 @@ class OutputError:
 
     Attributes:
         simulator: vehicle and sensors.
-        labels: trial labels.
+        labels: trial labels, which are compared where parameters are named after them.
         free_initial: whether initial states are estimated, as parameters `u_0[label]`; those without a parameter are as in the data.
         own: names of which every trial has its own, as parameters `name[label]`.
         varying: names that vary between trials, by parameters `spread_name` and `dev_name[label]`.
@@ -55,11 +55,17 @@ class OutputError:
     """
 
     simulator: Simulator
-    labels: tuple[str, ...]
+    labels: tuple[str, ...] = field(compare=False)
     free_initial: bool = False
     own: tuple[str, ...] = ()
     varying: tuple[str, ...] = ()
     starts_over_ground: bool = False
+    _named_after: tuple[str, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Keep the labels that decide what is compiled: elsewhere only their number does."""
+        named = self.free_initial or self.own or self.varying
+        object.__setattr__(self, "_named_after", self.labels if named else ("",) * len(self.labels))
 
     @property
     def model(self) -> VehicleModel:
@@ -99,9 +105,9 @@ class OutputError:
             total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def of_any_trial(self) -> "OutputError":
-        """Return the likelihood of one trial, labelled `ANY_TRIAL`."""
-        return replace(self, labels=(ANY_TRIAL,))
+    def labelled(self, labels: tuple[str, ...]) -> "OutputError":
+        """Return the likelihood of trials of other labels."""
+        return replace(self, labels=labels)
 
     def apart(self, values: Mapping[str, Any]) -> dict[str, Float[Array, " trials"]]:
         """Return the values that differ between trials, by name."""

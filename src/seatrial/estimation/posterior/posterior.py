@@ -7,6 +7,7 @@ it (Carlin and Chib, Journal of the Royal Statistical Society B 57, 1995), and t
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from numbers import Integral
 from typing import Any
 
@@ -17,7 +18,6 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.compiled.engine import check_precision
 from seatrial.compiled.programs import program
-from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_kind, check_known, check_mapping, check_text, shown
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Value
@@ -30,7 +30,6 @@ LogLikelihood = Callable[[dict[str, Any], Any], Any]
 _A_POSTERIOR = "build it with `make_posterior` or `posterior_of_density`"
 
 
-@compiled_tree("name", "unit", "label", "shown")
 @dataclass(frozen=True)
 class Parameter:
     """One unknown.
@@ -55,10 +54,12 @@ class Parameter:
         return {"value": float(value) * factor, "unit": unit}
 
 
-@compiled_tree("likelihood")
+@jax.tree_util.register_pytree_node_class
 @dataclass(frozen=True)
 class Posterior:
     """Prior and likelihood, kept apart because tempering needs both. A pytree: the priors' numbers and the data are its leaves.
+
+    Posteriors that differ in units, printed names and labels of trials alone share all that is compiled.
 
     Attributes:
         parameters: the unknowns, in the order of the vector z.
@@ -85,6 +86,30 @@ class Posterior:
         return f"Posterior of {named}; " + (records or "a log density of one's own")
 
     _repr_html_ = text_html
+
+    def tree_flatten(self) -> tuple[tuple[Any, ...], tuple[LogLikelihood, tuple[str, ...]]]:
+        """Return the numbers, and what is fixed in compiled code."""
+        priors = tuple(parameter.prior for parameter in self.parameters)
+        return (priors, self.data, self.guess, self.present), self._fixed
+
+    @classmethod
+    def tree_unflatten(cls, fixed: tuple[LogLikelihood, tuple[str, ...]], numbers: tuple[Any, ...]) -> "Posterior":
+        """Put one together inside compiled code, where trials are numbered, and parameters have no texts."""
+        (likelihood, names), (priors, *rest) = fixed, numbers
+        parameters = tuple(Parameter(name, "", "", prior) for name, prior in zip(names, priors, strict=True))
+        return cls(parameters, likelihood, *rest)
+
+    @cached_property
+    def _fixed(self) -> tuple[LogLikelihood, tuple[str, ...]]:
+        """Likelihood and names of the parameters, with the numbers of the trials for their labels wherever they have labels."""
+        likelihood: Any = self.likelihood
+        labels = likelihood.labels if hasattr(likelihood, "labelled") else ()
+        numbers = {f"[{label}]": f"[{number}]" for number, label in enumerate(labels)}
+        parts = [name.partition("[") for name in self.names]
+        if not labels or any(bracket and bracket + end not in numbers for _, bracket, end in parts):
+            return likelihood, self.names
+        names = tuple(start + numbers.get(bracket + end, "") for start, bracket, end in parts)
+        return likelihood.labelled(tuple(map(str, range(len(labels))))), names
 
     @property
     def names(self) -> tuple[str, ...]:

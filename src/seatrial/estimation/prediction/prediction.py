@@ -355,7 +355,7 @@ def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"]
 
     present = None if posterior.present is None else posterior.present[places]
     parameters = tuple(renamed(posterior.parameters[i]) for i in places)
-    return Posterior(parameters, posterior.likelihood.of_any_trial(), data, present=present)
+    return Posterior(parameters, posterior.likelihood.labelled((ANY_TRIAL,)), data, present=present)
 
 
 def values_of_draws(
