@@ -92,7 +92,10 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
     """Return the slopes of one trial that is simulated."""
     trial = jax.tree.map(lambda x: x[index], data)
     along, of_noise = jnp.eye(len(names)), np.array([name in likelihood.noise_parameters for name in names])
-    moving, still = np.flatnonzero(~of_noise), np.flatnonzero(of_noise)
+    moving = np.flatnonzero(~of_noise)
+    # Where residuals need a time loop, a second one for the noise alone would take as long to compile as the first.
+    joint = moving if likelihood.independent else np.arange(len(names))
+    still = np.setdiff1d(np.arange(len(names)), joint)
 
     def values_at(theta: Array) -> dict[str, Any]:
         named = dict(zip(names, theta, strict=True))
@@ -103,6 +106,9 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
         return likelihood.simulator.simulate(values_at(theta), start, trial.control, trial.step).kept
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
+    moved = tuple(
+        jnp.zeros((x.size, len(names))).at[:, moving].set(slope) for x, slope in zip(shown, by_theta, strict=True)
+    )
 
     def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[tuple[tuple[Array, ...], Array], Array]:
         def density(shown: tuple[Array, ...], theta: Array) -> Array:
@@ -111,8 +117,8 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
         value, gradient = jax.value_and_grad(density, (0, 1))(shown, theta)
         return gradient, value
 
-    def along_motion(moved: tuple[Array, ...], way: Array) -> tuple[tuple[Array, ...], Array]:
-        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)[1]
+    def along_way(moved: tuple[Array, ...], way: Array) -> tuple[Any, Any, Array]:
+        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
 
     def along_noise(way: Array) -> Array:
         return jax.jvp(lambda theta: gradient_and_value(shown, theta)[0][1], (point,), (way,))[1]
@@ -121,12 +127,12 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
         # What is shown enters the time loop as one number a sample, not as one for each parameter.
         return sum((slope.T @ pull for slope, pull in zip(by_theta, pulls, strict=True)), jnp.zeros(()))
 
-    (pulls, gradient), value = gradient_and_value(shown, point)
-    moved_pulls, rows = jax.vmap(along_motion, -1, -1)(by_theta, along[moving].T)
-    rows = rows.at[moving].add(in_motion(moved_pulls))
-    curvature = jnp.zeros_like(along).at[:, moving].set(rows).at[np.ix_(moving, still)].set(rows[still].T)
+    moved = tuple(x[:, joint] for x in moved)
+    (pulls, gradient), (moved_pulls, rows), value = jax.vmap(along_way, -1, (None, -1, None))(moved, along[:, joint])
+    curvature = jnp.zeros_like(along).at[:, joint].set(rows.at[moving].add(in_motion(moved_pulls)))
     if still.size:
-        curvature = curvature.at[np.ix_(still, still)].set(jax.vmap(along_noise, -1, -1)(along[still].T)[still])
+        curvature = curvature.at[np.ix_(moving, still)].set(rows[still].T)
+        curvature = curvature.at[np.ix_(still, still)].set(jax.vmap(along_noise, -1, -1)(along[:, still])[still])
     return Slopes(value, gradient.at[moving].add(in_motion(pulls)), -0.5 * (curvature + curvature.T))
 
 
