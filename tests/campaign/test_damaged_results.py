@@ -3,6 +3,7 @@
 import pickle
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -20,7 +21,6 @@ from seatrial.campaign.store.stored_result import (
     write_dataset,
     write_stamped_json,
 )
-from seatrial.core import dataset_file
 from seatrial.core.dataset_file import open_dataset, stored
 from seatrial.core.errors import InputError
 from tests.campaign.small import write_small
@@ -94,7 +94,7 @@ def test_wrong_bits_never_reach_the_library(tmp_path, monkeypatch):
     damaged = bytearray(path.read_bytes())
     damaged[len(damaged) // 3] ^= 4
     path.write_bytes(damaged)
-    monkeypatch.setattr(dataset_file.h5py, "File", lambda *about: pytest.fail("opened"))
+    monkeypatch.setattr(h5py, "File", lambda *about: pytest.fail("opened"))
     for read in (open_dataset, lambda path: stored(path).__enter__()):
         with pytest.raises(InputError, match="content that does not match its hash"):
             read(path)
