@@ -246,7 +246,7 @@ def linearise(posterior: Posterior, at: Perturbed) -> Iterator[Float[np.ndarray,
                     along.add(at.columns[place - d], 1.0, way)
             shown, parts = _shown_and_slopes(posterior, changes, at.z, ways, along)
             for part, of_channel in zip(parts, here, strict=True):
-                file.write(np.asarray(part).reshape(-1, SIDE_BY_SIDE)[of_channel].data)
+                file.write(np.asarray(part, float).reshape(-1, SIDE_BY_SIDE)[of_channel].data)
         lengths = SIDE_BY_SIDE * np.array([one.size for one in here])
 
         def rows_of(i: int) -> Float[np.ndarray, "trials n _"]:
