@@ -13,6 +13,7 @@ from seatrial.core.reporter import Bar, duration_text, remaining
 from seatrial.core.visible import visible
 
 EVERY = 10.0  # Seconds between two lines of one piece of work, when piped
+SHORT = 2.0  # Seconds of work whose end is not worth a line
 
 
 class ConsoleReporter:
@@ -86,7 +87,7 @@ class _Remaining(ProgressColumn):
 
 
 class _Lines:
-    """Progress of one piece of work as a line at its end and every ten seconds until then; time counts from its first report."""
+    """Progress of one piece of work in lines: every ten seconds and, if it took over two, at its end; timed from its first report."""
 
     def __init__(self, title: str, say: Callable[[str], None]):
         self.title, self.say = title, say
@@ -102,7 +103,8 @@ class _Lines:
         gone = now - self.started
         if done >= total and not self.finished:
             self.finished = True
-            self.say(f"{self.title}: done in {gone:.1f} s")
+            if gone > SHORT:
+                self.say(f"{self.title}: done in {gone:.1f} s")
         elif now - self.shown_at >= EVERY and not self.finished:
             self.shown_at = now
             seconds = remaining(gone, self.begun_at, done, total) if seconds is None else seconds
