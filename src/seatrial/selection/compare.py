@@ -125,17 +125,17 @@ def _searched(
 ) -> list[tuple[Mode, ...]]:
     """Return all modes of each posterior, the highest first: of those that no other contains by a search, of others by what that shows."""
     names = [set(one.present_names) for one in posteriors]
-    found: list[tuple[Mode, ...]] = [() if mode is None else (mode,) for mode in modes]
+    known: list[tuple[Mode, ...]] = [() if mode is None else (mode,) for mode in modes]
     whole = [place for place, own in enumerate(names) if not any(own < other for other in names)]
     for place in whole:
-        if found[place]:
-            found[place] = search_modes(posteriors[place], found[place], keys[place].smc)
+        if known[place]:
+            known[place] = search_modes(posteriors[place], known[place], keys[place].smc)
     for place in set(range(len(names))).difference(whole):
-        around = [mode for one in whole if names[place] < names[one] for mode in found[one]]
-        if found[place] and around:
+        around = [mode for one in whole if names[place] < names[one] for mode in known[one]]
+        if known[place] and around:
             starts = np.concatenate([completed(posteriors[place], mode) for mode in around])
-            found[place] = further_modes(posteriors[place], found[place], [starts])
-    return found
+            known[place] = further_modes(posteriors[place], known[place], [starts])
+    return known
 
 
 def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:

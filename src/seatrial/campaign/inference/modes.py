@@ -123,9 +123,9 @@ def all_modes(study: Study, trials: Trials, reporter: Reporter = SILENT) -> Know
         progress(0, len(structures))
         for items in (whole, [one for one in structures if one not in whole]):
 
-            def done(index: int, found: tuple[Mode, ...], items: Sequence[Structure] = items) -> None:
+            def done(index: int, own: tuple[Mode, ...], items: Sequence[Structure] = items) -> None:
                 nonlocal ended
-                modes[items[index].label] = found
+                modes[items[index].label] = own
                 ended += 1
                 progress(ended, len(structures))
 
