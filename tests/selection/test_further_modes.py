@@ -2,6 +2,7 @@
 
 import jax
 import numpy as np
+import pytest
 
 import seatrial as st
 from seatrial.campaign.inference.modes import KnownModes
@@ -9,7 +10,8 @@ from seatrial.core.serialise import from_plain, to_plain
 from seatrial.estimation.posterior.mode import maximise_from
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.selection.further_modes import MAX_SEARCH_DIM, search_modes
-from tests.selection.targets import correlated, far_peaks, linear, one_peak
+from seatrial.selection.importance import importance_evidence
+from tests.selection.targets import correlated, far_peaks, linear, one_peak, spike_on_slab
 
 KEY = jax.random.key(3)
 
@@ -24,6 +26,18 @@ def test_a_search_finds_the_peak_that_a_climb_does_not():
     starts = spread_starts(target, modes[0], 8, KEY, modes[1:])
     nearest = np.argmin([np.linalg.norm(starts - mode.z, axis=1) for mode in modes], axis=0)
     assert nearest.tolist() == [0, 1] * 4
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(3))
+def test_a_search_meets_a_spike_that_holds_the_evidence(seed):
+    """In ten parameters, and importance sampling about both modes weighs it: the evidence is known."""
+    target, exact = spike_on_slab()
+    find, search, weigh = jax.random.split(jax.random.key(seed), 3)
+    first, *further = search_modes(target, [st.find_mode(target, find)], search)
+    evidence = importance_evidence(target, weigh, first, further=further)
+    assert len(further) == 1
+    assert abs(evidence.log_value - exact) < 4 * evidence.std_error < 0.1
 
 
 def test_no_chain_starts_where_there_is_no_evidence():

@@ -41,9 +41,8 @@ class Gaussian(NamedTuple):
 def _cholesky(cov: Any) -> Any:
     """Lower factor, NaN where there is none, by NumPy as by JAX."""
     xp = array_module(cov)
-    if (
-        xp is not np and cov.ndim == 2
-    ):  # with LAPACK in it a program has JAX load SciPy, which takes longer than a sweep
+    # A program with LAPACK in it has JAX load SciPy, which takes longer than a sweep.
+    if xp is not np and cov.ndim == 2:
         from seatrial.numerics.triangular import cholesky_of_array
 
         return cholesky_of_array(cov)

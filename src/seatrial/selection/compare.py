@@ -12,11 +12,11 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
-from seatrial.estimation.posterior.mode import Mode, completed, higher_mode
+from seatrial.estimation.posterior.mode import Mode, higher_mode
 from seatrial.estimation.posterior.posterior import Posterior, as_key, check_posterior
 from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.evidence import EvidenceSettings
-from seatrial.selection.further_modes import further_modes, search_modes
+from seatrial.selection.further_modes import search_modes
 from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select, unchecked_deciders
@@ -132,9 +132,8 @@ def _searched(
             known[place] = search_modes(posteriors[place], known[place], keys[place].smc)
     for place in set(range(len(names))).difference(whole):
         around = [mode for one in whole if names[place] < names[one] for mode in known[one]]
-        if known[place] and around:
-            starts = np.concatenate([completed(posteriors[place], mode) for mode in around])
-            known[place] = further_modes(posteriors[place], known[place], [starts])
+        if known[place]:
+            known[place] = search_modes(posteriors[place], known[place], keys[place].smc, around)
     return known
 
 

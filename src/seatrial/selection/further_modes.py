@@ -20,7 +20,7 @@ from seatrial.compiled.pytrees import compiled_tree
 from seatrial.compiled.random_keys import split
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
-from seatrial.estimation.posterior.mode import Mode, is_uphill, maximise_from
+from seatrial.estimation.posterior.mode import Mode, completed, is_uphill, maximise_from
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.target import Target, evaluate
 from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, TemperedStart, prior_particles, sample_tempered_smc
@@ -80,7 +80,9 @@ def sample_cold(
     ).particles
 
 
-def search_modes(posterior: Posterior, known: Sequence[Mode], key: jax.Array) -> tuple[Mode, ...]:
+def search_modes(
+    posterior: Posterior, known: Sequence[Mode], key: jax.Array, around: Sequence[Mode] = ()
+) -> tuple[Mode, ...]:
     """Look for modes from the prior, and return all, the highest first; in many parameters those known.
 
     The particles are too few for an evidence, and enough to meet every mode that holds a twentieth of it.
@@ -89,7 +91,10 @@ def search_modes(posterior: Posterior, known: Sequence[Mode], key: jax.Array) ->
         posterior: density.
         known: its modes known so far, one at least.
         key: random key.
+        around: modes of structures that contain this one, which take the place of the particles.
     """
+    if around:
+        return further_modes(posterior, known, [np.concatenate([completed(posterior, one) for one in around])])
     if posterior.dim > MAX_SEARCH_DIM:
         return tuple(known)
     settings = SMCSettings(max(128, 16 * posterior.dim), moves=SEARCH_MOVES, target_ess=0.5)

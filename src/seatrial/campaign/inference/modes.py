@@ -17,7 +17,7 @@ import numpy as np
 
 from seatrial.campaign.compute.place import workers_of
 from seatrial.campaign.compute.shared_work import Study
-from seatrial.campaign.compute.workers import LocalWorkers, Workers
+from seatrial.campaign.compute.workers import Workers
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.check import likely_causes
 from seatrial.campaign.data.import_logs import Trials
@@ -30,14 +30,13 @@ from seatrial.core.findings import Finding
 from seatrial.core.record import SIMULATED, Record
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from seatrial.estimation.diagnostics.prior_checks import NOT_NEEDED, prior_excluding_data
-from seatrial.estimation.posterior.mode import Mode, completed, find_mode, higher_mode
+from seatrial.estimation.posterior.mode import Mode, find_mode, higher_mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.step_shift import check_step, shorter_step, step_shift
 from seatrial.messages.render import remedy, sentences, statement
-from seatrial.selection.further_modes import further_modes, search_modes
+from seatrial.selection.further_modes import search_modes
 from seatrial.selection.structures import Structure
 
-HERE = LocalWorkers()  # This machine's cores
 EXCHANGES = 3  # Times at most that modes are exchanged, until none is higher than before
 # Keys of [estimation] that change no density
 NOT_OF_DENSITY = {
@@ -144,7 +143,7 @@ def _stored(campaign: Campaign, trials: HasKey, which: str, path: Path) -> Store
     return StoredResult(path, key, KnownModes)
 
 
-def exchange_modes(study: Study, modes: Modes, workers: Workers = HERE) -> Modes:
+def exchange_modes(study: Study, modes: Modes, workers: Workers) -> Modes:
     """Return the modes, those replaced to which a mode of another structure shows a higher one; the others are the same objects."""
     known = dict(modes)
     for _ in range(EXCHANGES):
@@ -221,9 +220,6 @@ def _exchange(study: Study, item: _Known, report: Progress) -> Mode | None:
 
 
 def _search(study: Study, item: _Known, report: Progress) -> tuple[Mode, ...]:
-    """Return all modes of a structure, the highest first: by particles, or about those of the structures that contain it."""
-    posterior = study.posterior(item.structure)
-    if not item.others:
-        return search_modes(posterior, item.modes, random_key(study.campaign.seed, f"search {item.structure.terms}"))
-    starts = np.concatenate([completed(posterior, mode) for mode in item.others])
-    return further_modes(posterior, item.modes, [starts])
+    """Return all modes of a structure, the highest first."""
+    key = random_key(study.campaign.seed, f"search {item.structure.terms}")
+    return search_modes(study.posterior(item.structure), item.modes, key, item.others)

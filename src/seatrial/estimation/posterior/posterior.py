@@ -22,7 +22,7 @@ from seatrial.core.argument_checks import check_kind, check_known, check_mapping
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Value
 from seatrial.core.result_table import text_html
-from seatrial.estimation.priors import Prior
+from seatrial.estimation.priors import Prior, by_kind
 from seatrial.sampling.run import Draws
 from seatrial.sampling.target import AT_ONCE
 
@@ -177,16 +177,7 @@ class Posterior:
         return self._where_present(draws, jax.random.normal(jax.random.fold_in(key, self.dim), (n, self.dim)))
 
     def _by_kind(self, function: Callable[[Prior, Any], Any], columns: Array) -> Array:
-        """Return a function of each prior and its own column, the last axis, compiled once for each kind of prior and not for each."""
-        kinds: dict[Any, list[int]] = {}
-        for i, parameter in enumerate(self.parameters):
-            kinds.setdefault(jax.tree.structure(parameter.prior), []).append(i)
-        order = np.argsort([i for members in kinds.values() for i in members])
-        parts = []
-        for members in kinds.values():
-            numbers = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self.parameters[i].prior for i in members))
-            parts.append(jax.vmap(function, (0, -1), -1)(numbers, columns[..., np.array(members)]))
-        return jnp.concatenate(parts, -1)[..., order]
+        return by_kind([parameter.prior for parameter in self.parameters], function, columns)
 
     def _where_present(self, values: Any, absent: Any) -> Any:
         """Return values of all parameters, the last axis, where these are present, and others where they are not."""

@@ -25,7 +25,6 @@ from seatrial.report.figures.style import (
     label_axes,
     new_figure,
     power_of_ten,
-    smoothed,
     thin,
     unit_label,
 )
@@ -234,9 +233,10 @@ def _diagonal(axes: "Axes", at: np.ndarray, unit: np.ndarray, frame: tuple[float
 def _regions(x: np.ndarray, y: np.ndarray, kinds: tuple[list, list]) -> list[tuple[list, np.ndarray]]:
     """Return the lines round the regions that hold the shares of the draws, in units of a panel, each with the list it belongs to."""
     from contourpy import contour_generator
+    from scipy.ndimage import gaussian_filter
 
     counts, edges, _ = np.histogram2d(x, y, bins=GRID, range=[(-0.05, 1.05)] * 2)
-    smooth = smoothed(counts, 1.0)
+    smooth = gaussian_filter(counts, 1.0)
     ordered = np.sort(smooth.ravel())[::-1]
     held = np.cumsum(ordered) / ordered.sum()
     centre = (edges[1:] + edges[:-1]) / 2

@@ -23,7 +23,6 @@ from seatrial.report.figures.style import (
     label_axes,
     limit_ticks,
     power_of_ten,
-    smoothed,
     style_axes,
     thin,
     unit_label,
@@ -145,6 +144,7 @@ def draw_pair(
         units: SI.
         truth: of a simulated vehicle.
     """
+    from scipy.ndimage import gaussian_filter
 
     exponents = [power_of_ten(*np.quantile(values, [0.001, 0.999])) for values in (x, y)]
     x, y = x * 10.0 ** -exponents[0], y * 10.0 ** -exponents[1]
@@ -152,7 +152,7 @@ def draw_pair(
     draw_dots(axes, x[keep], y[keep], size=1.5, color=DOTS, label="draws").set_alpha(0.6)
     ranges = [np.quantile(values, [0.0005, 0.9995]) + np.ptp(values) * np.array([-0.06, 0.06]) for values in (x, y)]
     counts, x_edges, y_edges = np.histogram2d(x, y, bins=48, range=ranges)
-    smooth = smoothed(counts, 1.6)
+    smooth = gaussian_filter(counts, 1.6)
     # Heights above which the shares of the density lie, lowest first.
     ordered = np.sort(smooth.ravel())[::-1]
     held = np.cumsum(ordered) / ordered.sum()

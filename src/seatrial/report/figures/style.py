@@ -144,17 +144,6 @@ def draw_dots(
     return patch
 
 
-def smoothed(counts: np.ndarray, sd: float) -> np.ndarray:
-    """Return a table smoothed by a normal density of some cells, mirrored at its edges; as by SciPy, which takes longer to load."""
-    reach = int(4 * sd + 0.5)
-    weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sd) ** 2)
-    for _ in counts.shape:
-        wide = np.pad(counts, [(reach, reach), (0, 0)], mode="symmetric")
-        parts = [w * wide[at : at + len(counts)] for at, w in enumerate(weight / weight.sum())]
-        counts = np.sum(parts, axis=0).T
-    return counts
-
-
 def thin(count: int, most: int = 1500) -> np.ndarray:
     """Return the indices of at most about `most` of `count` samples, evenly spread, first and last included."""
     return np.arange(count) if count <= most else np.unique(np.round(np.linspace(0, count - 1, most)).astype(int))
