@@ -57,12 +57,13 @@ imports: $(VENV)/ready
 examples: $(VENV)/ready
 	$(BIN)/python examples/run_all.py
 
+# `make bench ONLY=against` measures against other packages alone, `ONLY="peers memory"` what these names choose.
 bench: $(VENV)/ready $(PEERS)/ready
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/run.py $(ONLY)
 
 # What others use and our environment cannot hold, at exact versions.
 $(PEERS)/ready: benchmarks/requirements.txt | $(VENV)/ready
-	@echo "setting up $(PEERS): about one minute"
+	@echo "setting up $(PEERS): about two minutes"
 	$(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 	@touch $@

@@ -39,6 +39,13 @@ class Problem(NamedTuple):
         numbers = self.initial, self.step, self.mass, self.share
         return self.control.size, self.control, self.measured, *numbers
 
+    @property
+    def plain(self) -> dict:
+        """The problem in plain numbers, for a process that knows nothing of this package."""
+        arrays = {"lower": self.lower, "upper": self.upper, "control": self.control, "measured": self.measured}
+        numbers = {"initial": self.initial, "step": self.step, "mass": self.mass, "share": self.share}
+        return {name: values.tolist() for name, values in arrays.items()} | numbers | {"names": self.posterior.names}
+
     def log_likelihoods(self, points: np.ndarray) -> np.ndarray:
         """Log-likelihoods at parameter values in SI, shape (n, d)."""
         z = self.posterior.unconstrain(jnp.asarray(points))

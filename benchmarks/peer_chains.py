@@ -121,8 +121,5 @@ def _agree_in_density(peer: str, problem: Problem, mode: Mode, densities: list[f
 
 
 def _question(problem: Problem, mode: Mode) -> dict:
-    """The problem in plain numbers."""
-    arrays = {"lower": problem.lower, "upper": problem.upper, "control": problem.control, "measured": problem.measured}
-    arrays |= {"start": mode.values, "points": near(mode)}
-    numbers = {"initial": problem.initial, "step": problem.step, "mass": problem.mass, "share": problem.share}
-    return {name: values.tolist() for name, values in arrays.items()} | numbers | {"names": problem.posterior.names}
+    """The problem in plain numbers, where to start and points to compare densities at."""
+    return problem.plain | {"start": mode.values.tolist(), "points": near(mode).tolist()}

@@ -10,6 +10,7 @@ import json
 import logging
 import sys
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pyomo.environ as pyo  # pyright: ignore[reportMissingImports]
@@ -101,7 +102,8 @@ def main() -> None:
             status = f"{type(error).__name__}: {str(error).splitlines()[0]}"
         scenario = doe.model.scenario_blocks[0]
         levels = [float(pyo.value(scenario.control[i])) for i in scenario.intervals]
-    json.dump({"levels": levels, "seconds": time.perf_counter() - begin, "status": status}, sys.stdout)
+    names = f"Pyomo.DoE {version('pyomo')}, POUNCE {version('pounce-solver')}"
+    json.dump({"name": names, "levels": levels, "seconds": time.perf_counter() - begin, "status": status}, sys.stdout)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""What people use today on the same model: filterpy's filter, a plain Python loop, and scipy's integrator."""
+"""What people use today on the same model: filters of filterpy and dynamax, a plain Python loop, and scipy's integrator."""
+
+from importlib.metadata import version
 
 import jax.numpy as jnp
 import numpy as np
 from problems import ENTRY, MASS, SCALES, SHARE, STEP, family, grid, state_space, trial, vehicle
 from scipy.integrate import solve_ivp
-from timing import Ratio, Row, agree, alternate, row
+from timing import Ratio, Row, agree, alternate, processor_seconds, row
+from tools import ask
 
 from seatrial.design.sweep import sweep_family
 from seatrial.filters.run import run_filter
@@ -31,7 +34,7 @@ def rk4(u: float, control: float, *coefficients: float) -> float:
 
 
 def filters(cores: int) -> list[Row | Ratio]:
-    """Filterpy's unscented filter against one lane of ours and against a lane of the sweep."""
+    """Return processor seconds of filterpy's and dynamax's unscented filters, of one lane of ours and of a lane of the sweep."""
     n, peer_steps, space = 3_000, 300, state_space()
     control = trial(n).control
     scales = np.array([1.0, 1.0, SCALES["T_nabsn"]])
@@ -40,7 +43,7 @@ def filters(cores: int) -> list[Row | Ratio]:
         speed.append(rk4(speed[-1], c, *MEANS))
     measured = np.array([[u, rate(u, c, *MEANS)] for u, c in zip(speed, control[:, 0], strict=True)])
 
-    def peer() -> np.ndarray:
+    def filterpy() -> np.ndarray:
         found = _filterpy(space, scales)
         for c, y in zip(control[:peer_steps, 0], measured[:peer_steps], strict=True):
             found.predict(control=c)
@@ -51,23 +54,38 @@ def filters(cores: int) -> list[Row | Ratio]:
         trace = run_filter(
             UnscentedKalmanFilter(), space, jnp.asarray(control), jnp.asarray(measured), jnp.full(n, STEP)
         )
-        return np.asarray(trace.sds)[peer_steps - 1]
+        return np.stack([trace.means, trace.sds])
 
-    agree("standard deviations of seatrial and filterpy", ours(), peer(), 0.02, relative=True)
+    (means, sds), first, again = processor_seconds(ours, 5)
+    peer_sds, _, peer_again = processor_seconds(filterpy, 5)
+    agree("standard deviations of seatrial and filterpy", sds[peer_steps - 1], peer_sds, 0.02, relative=True)
+    arrays = {"control": control[:, 0], "measured": measured, "mean": space.initial.mean, "cov": space.initial.cov}
+    arrays |= {"process_sd": space.process_sd, "measurement_sd": space.measurement_sd, "scales": scales}
+    numbers = {"step": STEP, "mass": MASS, "share": SHARE, "lanes": 400, "lane_samples": 1_500}
+    found = ask("peer_dynamax.py", {name: np.asarray(a).tolist() for name, a in arrays.items()} | numbers, {})
+    agree("standard deviations of seatrial and dynamax", sds, np.array(found["sds"]), 1e-5, relative=True)
+    agree("means of seatrial and dynamax, in deviations,", means / sds, np.array(found["means"]) / sds, 1e-5)
     doublets, designs = family(1_500), grid(20, 20, 5.0)
-    seconds = alternate({"ours": ours, "peer": peer}, 5)
-    lane = alternate({"": lambda: sweep_family(space, doublets, *designs)}, 5)[""] / (400 * 1_500)
+    _, _, lane = processor_seconds(lambda: sweep_family(space, doublets, *designs), 5)
+    steps, dynamax = 400 * 1_500, f"dynamax {found['version']}"
+    filterpy_name, mapped = f"filterpy {version('filterpy')}", np.array(found["mapped"]) / steps
+    rates = {
+        "seatrial, covariance form, whole trace": again / n,
+        "seatrial, square root, in a sweep of 400": lane / steps,
+        f"{filterpy_name} UnscentedKalmanFilter": peer_again / peer_steps,
+        f"{dynamax} unscented_kalman_filter": np.array(found["again"]) / n,
+        f"{dynamax}, 400 records mapped": mapped,
+    }
+    best = {name: rate.min() for name, rate in rates.items()}
+    one, swept, loop, compiled, _ = best.values()
     return [
-        row(FILTER, "seatrial, covariance form, whole trace", cores, US, seconds["ours"], 1e-6 * n),
-        row(FILTER, "seatrial, square root, in a sweep of 400", cores, US, lane, 1e-6),
-        row(FILTER, "filterpy UnscentedKalmanFilter", cores, US, seconds["peer"], 1e-6 * peer_steps),
-        Ratio(
-            FILTER,
-            "filterpy / lane of our sweep",
-            cores,
-            seconds["peer"].min() / peer_steps / lane.min(),
-            at_least=1_000,
-        ),
+        *(row(FILTER, name, cores, US, rate, 1e-6) for name, rate in rates.items()),
+        Row(FILTER, "seatrial, first run in a process", cores, "processor s", first, first),
+        Row(FILTER, f"{dynamax}, first run in a process", cores, "processor s", found["first"], found["first"]),
+        Ratio(FILTER, f"{filterpy_name} / lane of our sweep", cores, loop / swept, at_least=1_000),
+        Ratio(FILTER, f"{dynamax} / our one lane", cores, compiled / one, at_least=1),
+        Ratio(FILTER, f"{dynamax}, mapped / lane of our sweep", cores, mapped.min() / swept, at_least=1),
+        Ratio(FILTER, f"{dynamax} / ours, first run", cores, found["first"] / first, at_least=1),
     ]
 
 
@@ -97,10 +115,13 @@ def simulation(cores: int) -> list[Row | Ratio]:
     agree("speeds of seatrial and the plain loop", ours(), loop(), 1e-12)
     agree("speeds of seatrial and scipy", ours()[: n // 10], scipy_segments(), 1e-8)
     seconds = alternate({"ours": ours, "loop": loop, "scipy": scipy_segments}, 5)
+    best, scipy_name = {name: taken.min() for name, taken in seconds.items()}, f"SciPy {version('scipy')} solve_ivp"
     return [
         row(SIMULATION, "seatrial", cores, US, seconds["ours"], 1e-6 * n),
         row(SIMULATION, "plain Python loop", cores, US, seconds["loop"], 1e-6 * n),
-        row(SIMULATION, "scipy solve_ivp, each held input", cores, US, seconds["scipy"], 1e-6 * n / 10),
+        row(SIMULATION, f"{scipy_name}, each held input", cores, US, seconds["scipy"], 1e-6 * n / 10),
+        Ratio(SIMULATION, "plain Python loop / seatrial", cores, best["loop"] / best["ours"], at_least=1),
+        Ratio(SIMULATION, f"{scipy_name} / seatrial", cores, 10 * best["scipy"] / best["ours"], at_least=1),
     ]
 
 

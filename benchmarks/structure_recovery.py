@@ -8,7 +8,7 @@ import time
 
 import jax
 import numpy as np
-from timing import Row
+from timing import Ratio, Row
 from tools import ask
 
 from seatrial.core.coefficients import CoefficientName
@@ -19,7 +19,7 @@ from seatrial.selection.screening import TermPrior, screen
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.simulate import simulate
 
-GROUP = "structure of 40 surge trials, 7 candidate terms"
+GROUP = "structure, 40 surge trials, 7 candidate terms"
 TRIALS, STEP, SAMPLES, NOISE = 40, 0.1, 1200, 0.02
 TRIM_U, TRIM_N, MASS = 1.54, 125.0, 31.0
 TRUTH = {"X_0": -0.5, "X_u": -1.2, "X_uabsu": -2.9, "X_u3": -0.6, "T_n": 0.02, "T_nabsn": 6.3e-4, "T_un": -0.012}
@@ -28,8 +28,8 @@ ALWAYS = "T_nabsn"
 CHANNELS = (Channel("u", "m/s", "measurement"), Channel("n", "rad/s", "control"))
 
 
-def recovered(cores: int) -> list[Row]:
-    """Return the rows of ours and of the peers."""
+def recovered(cores: int) -> list[Row | Ratio]:
+    """Return the rows of ours and of the peers, and how many more trials ours has right than each."""
     random = np.random.default_rng(1)
     truths = [structure(random) for _ in range(TRIALS)]
     records = [trial(terms, random, str(i)) for i, terms in enumerate(truths)]
@@ -41,7 +41,7 @@ def recovered(cores: int) -> list[Row]:
     series = [{"u": record.channel("u").tolist(), "n": record.channel("n").tolist()} for record in records]
     for name, peer in ask("peer_structures.py", {"trials": series, "step": STEP, "u": TRIM_U, "n": TRIM_N}, {}).items():
         found[name] = peer["terms"], peer["seconds"]
-    rows = []
+    rows, shares = [], {}
     for name, (terms, seconds) in found.items():
         # a discrete model always has the last speed: X_u is not counted where it cannot be told
         counted = set(TRUTH) - ({"X_u"} if "FROLS" in name else set())
@@ -49,11 +49,15 @@ def recovered(cores: int) -> list[Row]:
         invented = [
             len((set(some) & (counted | {"other"})) - set(true)) for true, some in zip(truths, terms, strict=True)
         ]
-        right = float(np.mean([not a and not b for a, b in zip(missed, invented, strict=True)]))
+        shares[name] = right = float(np.mean([not a and not b for a, b in zip(missed, invented, strict=True)]))
         what = f"{name}: {np.mean(missed):.2f} missed, {np.mean(invented):.2f} invented"
         what += f", {1e3 * seconds:.0f} ms a trial"
         rows.append(Row(GROUP, what, cores, "share wholly right", right, right))
-    return rows
+    own, *peers = shares
+    return [
+        *rows,
+        *(Ratio(GROUP, f"share right, ours - {p}", cores, shares[own] - shares[p], at_least=0) for p in peers),
+    ]
 
 
 def structure(random: np.random.Generator) -> list[str]:

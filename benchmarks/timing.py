@@ -59,6 +59,16 @@ def alternate(runs: dict[str, Callable[[], Any]], repeats: int, warm_up: bool = 
     return {name: np.array(values) for name, values in seconds.items()}
 
 
+def processor_seconds(run: Callable[[], Any], repeats: int) -> tuple[Any, float, np.ndarray]:
+    """Return the answer, and processor seconds of the first call, with what it compiles, and of later ones, shape (repeats,)."""
+    spent, answer = [], None
+    for _ in range(repeats + 1):
+        start = time.process_time()
+        answer = run()
+        spent.append(time.process_time() - start)
+    return answer, spent[0], np.array(spent[1:])
+
+
 def row(group: str, what: str, cores: int, unit: str, seconds: np.ndarray, per: float) -> Row:
     """Row of seconds in units of `per` seconds: 1e-9 * lanes * steps for ns per lane and step."""
     return Row(group, what, cores, unit, float(np.median(seconds)) / per, float(seconds.min()) / per)
