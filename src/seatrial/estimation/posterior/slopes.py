@@ -16,6 +16,7 @@ density of one's own has its second derivatives.
 """
 
 from dataclasses import replace
+from math import gcd
 from typing import Any, NamedTuple
 
 import jax
@@ -25,7 +26,7 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.estimation.posterior.filter_error import FilterError
-from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.output_error import BLOCK, OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 
 
@@ -70,8 +71,7 @@ def _slopes(posterior: Posterior, point: Float[Array, " d"]) -> tuple[Slopes, Sl
             of_trial = _along_simulation(likelihood, names, point, data, index)
             return Slopes(*(a + b for a, b in zip(total, of_trial, strict=True))), of_trial
 
-        nothing = Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
-        total, each = jax.lax.scan(add, nothing, trials)
+        total, each = jax.lax.scan(add, _nothing(d), trials)
     return total._replace(value=jnp.where(jnp.isfinite(total.value), total.value, -jnp.inf)), each
 
 
@@ -90,12 +90,12 @@ def _of_density(posterior: Posterior, point: Array) -> Slopes:
 
 def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
     """Return the slopes of one trial that is simulated."""
-    trial = jax.tree.map(lambda x: x[index], data)
-    along, of_noise = jnp.eye(len(names)), np.array([name in likelihood.noise_parameters for name in names])
+    trial, d = jax.tree.map(lambda x: x[index], data), len(names)
+    along, of_noise = jnp.eye(d), np.array([name in likelihood.noise_parameters for name in names])
     moving = np.flatnonzero(~of_noise)
     # Where residuals need a time loop, a second one for the noise alone would take as long to compile as the first.
-    joint = moving if likelihood.independent else np.arange(len(names))
-    still = np.setdiff1d(np.arange(len(names)), joint)
+    joint = moving if likelihood.independent else np.arange(d)
+    still = np.setdiff1d(np.arange(d), joint)
 
     def values_at(theta: Array) -> dict[str, Any]:
         named = dict(zip(names, theta, strict=True))
@@ -106,34 +106,57 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
         return likelihood.simulator.simulate(values_at(theta), start, trial.control, trial.step).kept
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
-    moved = tuple(
-        jnp.zeros((x.size, len(names))).at[:, moving].set(slope) for x, slope in zip(shown, by_theta, strict=True)
-    )
 
-    def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[tuple[tuple[Array, ...], Array], Array]:
-        def density(shown: tuple[Array, ...], theta: Array) -> Array:
-            return likelihood.of_shown(values_at(theta), trial, shown)
+    def of_samples(trial: Any, shown: tuple[Array, ...], by_theta: tuple[Array, ...]) -> Slopes:
+        """Return the slopes that the residuals of some samples add."""
 
-        value, gradient = jax.value_and_grad(density, (0, 1))(shown, theta)
-        return gradient, value
+        def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[tuple[tuple[Array, ...], Array], Array]:
+            def density(shown: tuple[Array, ...], theta: Array) -> Array:
+                return likelihood.of_shown(values_at(theta), trial, shown)
 
-    def along_way(moved: tuple[Array, ...], way: Array) -> tuple[Any, Any, Array]:
-        return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
+            value, gradient = jax.value_and_grad(density, (0, 1))(shown, theta)
+            return gradient, value
 
-    def along_noise(way: Array) -> Array:
-        return jax.jvp(lambda theta: gradient_and_value(shown, theta)[0][1], (point,), (way,))[1]
+        def along_way(moved: tuple[Array, ...], way: Array) -> tuple[Any, Any, Array]:
+            return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
 
-    def in_motion(pulls: tuple[Array, ...]) -> Array:
-        # What is shown enters the time loop as one number a sample, not as one for each parameter.
-        return sum((slope.T @ pull for slope, pull in zip(by_theta, pulls, strict=True)), jnp.zeros(()))
+        def along_noise(way: Array) -> Array:
+            return jax.jvp(lambda theta: gradient_and_value(shown, theta)[0][1], (point,), (way,))[1]
 
-    moved = tuple(x[:, joint] for x in moved)
-    (pulls, gradient), (moved_pulls, rows), value = jax.vmap(along_way, -1, (None, -1, None))(moved, along[:, joint])
-    curvature = jnp.zeros_like(along).at[:, joint].set(rows.at[moving].add(in_motion(moved_pulls)))
-    if still.size:
-        curvature = curvature.at[np.ix_(moving, still)].set(rows[still].T)
-        curvature = curvature.at[np.ix_(still, still)].set(jax.vmap(along_noise, -1, -1)(along[:, still])[still])
-    return Slopes(value, gradient.at[moving].add(in_motion(pulls)), -0.5 * (curvature + curvature.T))
+        def in_motion(pulls: tuple[Array, ...]) -> Array:
+            # What is shown enters the time loop as one number a sample, not as one for each parameter.
+            return sum((slope.T @ pull for slope, pull in zip(by_theta, pulls, strict=True)), jnp.zeros(()))
+
+        of_all = (jnp.zeros((len(x), d)).at[:, moving].set(x) for x in by_theta)
+        moved = by_theta if likelihood.independent else tuple(of_all)
+        (pulls, gradient), (moved_pulls, rows), value = jax.vmap(along_way, -1, (None, -1, None))(
+            moved, along[:, joint]
+        )
+        curvature = jnp.zeros_like(along).at[:, joint].set(rows.at[moving].add(in_motion(moved_pulls)))
+        if still.size:
+            curvature = curvature.at[np.ix_(moving, still)].set(rows[still].T)
+            curvature = curvature.at[np.ix_(still, still)].set(jax.vmap(along_noise, -1, -1)(along[:, still])[still])
+        return Slopes(value, gradient.at[moving].add(in_motion(pulls)), -0.5 * (curvature + curvature.T))
+
+    if not likelihood.independent:
+        return of_samples(trial, shown, by_theta)
+    # What is made of a block of samples stays in the processor's cache; what has no samples is counted with the first.
+    blocks = trial.step.size // (length := gcd(trial.step.size, BLOCK))
+
+    def cut(x: Array) -> Array:
+        return x.reshape(blocks, length, *x.shape[1:])
+
+    def add(total: Slopes, block: tuple) -> tuple[Slopes, None]:
+        own, first, *samples = block
+        channels = tuple(
+            one._replace(measured=y, present=here, kind=kind, counts=first * one.counts)
+            for one, (y, here, kind) in zip(trial.channels, own, strict=True)
+        )
+        return jax.tree.map(jnp.add, total, of_samples(trial._replace(channels=channels), *samples)), None
+
+    measured = tuple((one.measured, one.present, one.kind) for one in trial.channels)
+    samples = (*jax.tree.map(cut, (measured,)), jnp.eye(1, blocks)[0], *jax.tree.map(cut, (shown, by_theta)))
+    return jax.lax.scan(add, _nothing(d), samples)[0]
 
 
 def _along_filter(likelihood: FilterError, names: tuple[str, ...], point: Array, data: Any, index: Array) -> Slopes:
@@ -188,12 +211,15 @@ def _along_filter(likelihood: FilterError, names: tuple[str, ...], point: Array,
         return (after, after_slopes, total), None
 
     belief, by_theta = jax.vmap(lambda way: jax.jvp(begin, (point,), (way,)), out_axes=(None, 0))(along)
-    nothing = Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
     before = [jnp.concatenate([x[:1], x[:-1]]) for x in (control, slopes, trial.step)]
     first = jnp.arange(trial.step.shape[0]) == 0
     samples = (before[0], before[1], control, slopes, first, before[2], measured)
-    (_, _, total), _ = jax.lax.scan(step, (belief, by_theta, nothing), samples)
+    (_, _, total), _ = jax.lax.scan(step, (belief, by_theta, _nothing(d)), samples)
     return total
+
+
+def _nothing(d: int) -> Slopes:
+    return Slopes(jnp.zeros(()), jnp.zeros(d), jnp.zeros((d, d)))
 
 
 def _arrays(tree: Any) -> Any:
