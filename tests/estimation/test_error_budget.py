@@ -365,6 +365,20 @@ def test_a_cubic_drag_is_found(noise, cubic, seed):
     assert 1.645 * found.ratio[at] > 0.9 * wrong["X_uabsu"]
 
 
+@pytest.mark.parametrize("cubic", [0.0, 0.5])
+def test_on_a_long_record_the_smooth_force_may_wait_for_the_second_round(cubic, monkeypatch):
+    """Also where the first round is the last one."""
+    posterior = posterior_of(cubic=cubic)
+    mode, budgets = find_mode(posterior, 0), []
+    for long in (1, 10**9):
+        monkeypatch.setattr("seatrial.estimation.diagnostics.error_budget.MIN_LONG_SAMPLES", long)
+        budgets.append(error_budget(posterior, mode))
+    late, early = budgets
+    np.testing.assert_allclose(late.ratio, early.ratio, rtol=1e-6)
+    np.testing.assert_allclose(late.shares, early.shares, atol=1e-6)
+    assert [one.effect for one in late.omitted] == [one.effect for one in early.omitted]
+
+
 def test_a_density_of_ones_own_has_none():
     own = posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)})
     found = error_budget(own, find_mode(own, 0))

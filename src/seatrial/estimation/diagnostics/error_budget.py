@@ -31,7 +31,7 @@ from seatrial.estimation.diagnostics.error_sources import (
 )
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.diagnostics.linear_model import SMOOTH, TINY, LinearModel, Member, edges_of, inside
-from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.mode import MIN_LONG_SAMPLES, Mode
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors.box import bent, log_slopes, straightened
@@ -244,12 +244,21 @@ def _follow_best(
     left_out: Sequence[str],
     among: Collection[Effect] | None,
 ) -> tuple[LinearModel, Member]:
-    """Follow the best set of sources, but for some kinds, from the mode to where it stays."""
+    """Follow the best set of sources, but for some kinds, from the mode to where it stays.
+
+    The smooth force is not among those of the first round. Its columns are half of all, and on a long record most of the time, so that
+    the first round does without them there.
+    """
     edges = edges_of(posterior)
-    at = lay_out(posterior, inside(mode.z, edges), stated, among=among)
-    assert at is not None, "the motion at the mode is finite"
-    known = model = LinearModel(posterior, at)
-    z, sizes, lags = at.z, at.sizes, at.lags
+
+    def begin(smooth: bool) -> LinearModel:
+        at = lay_out(posterior, inside(mode.z, edges), stated, among=among, smooth=smooth)
+        assert at is not None, "the motion at the mode is finite"
+        return LinearModel(posterior, at)
+
+    is_short = posterior.data.step.size < MIN_LONG_SAMPLES
+    first = known = model = begin(is_short)
+    z, sizes, lags = first.at.z, first.at.sizes, first.at.lags
     for _ in range(ROUNDS):
         if model is not None and model.is_finite:
             known, best = model, model.average(left_out)[0]
@@ -265,7 +274,14 @@ def _follow_best(
             z, sizes, lags = 0.5 * (z + known.at.z), 0.5 * (sizes + known.at.sizes), known.at.lags
             own = sizes
         at = lay_out(posterior, z, stated, known.at, sizes, lags, among)
-        model = None if at is None else LinearModel(posterior, at._replace(sizes=own))
+        if at is None:
+            model = None
+            continue
+        at.sizes[: own.size] = own
+        model = LinearModel(posterior, at)
+    if known is first and not is_short:
+        known = begin(True)
+        best = known.average(left_out)[0]
     return known, best
 
 

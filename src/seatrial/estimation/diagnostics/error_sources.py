@@ -191,6 +191,7 @@ def lay_out(
     sizes: Float[np.ndarray, " m"] | None = None,
     lags: Mapping[Effect, tuple[float, float]] = {},
     among: Collection[Effect] | None = None,
+    smooth: bool = True,
 ) -> Perturbed | None:
     """Return the sources about a motion; None where it diverges.
 
@@ -202,6 +203,7 @@ def lay_out(
         sizes: of these.
         lags: pairs of lags, s, of effects, in place of `LAGS`.
         among: effects that may be sources; all where None.
+        smooth: whether the smooth force has its columns, half of all; without it is only counted.
     """
     motion = _Motion(posterior, z, before, sizes)
     if not all(np.isfinite(x).all() for x in motion.states.values()):
@@ -209,12 +211,14 @@ def lay_out(
     motion.weigh()
     builder = _Builder()
     present = {*posterior.present_names}
-    for effect, worth, stated_sd, columns in _sources(motion, stated, lags):
+    for effect, worth, stated_sd, columns in _sources(motion, stated, lags, smooth):
         if (effect.kind == "force" and effect.of in present) or not (among is None or effect in among):
             builder.leave_out(columns)
         else:
             builder.add(effect, worth, stated_sd, columns)
-    own = np.zeros(len(builder.columns)) if sizes is None else sizes
+    own = np.zeros(len(builder.columns))
+    if sizes is not None:
+        own[: sizes.size] = sizes
     return Perturbed(z, own, tuple(builder.sources), tuple(builder.columns), lags, motion.force)
 
 
@@ -355,7 +359,7 @@ class _Builder:
 
 
 def _sources(
-    motion: _Motion, stated: StatedErrors, lags: Mapping[Effect, tuple[float, float]]
+    motion: _Motion, stated: StatedErrors, lags: Mapping[Effect, tuple[float, float]], smooth: bool
 ) -> Iterator[tuple[Effect, float, float | None, list[Column]]]:
     """Yield every source that the model does not have: the effect, its `worth`, its stated standard deviation, and its columns."""
     likelihood, model, data = motion.likelihood, motion.model, motion.data
@@ -442,10 +446,9 @@ def _sources(
                     None,
                     [("start", i, size)],
                 )
-    if axes:
-        for i, axis in enumerate(axes):
-            smooth: list[Column] = [("force", i, one) for one in _features(motion, past, axis)]
-            yield Effect("smooth force", axis), 1.0, None, smooth
+    for i, axis in enumerate(axes):
+        features = _features(motion, past, axis) if smooth else ()
+        yield Effect("smooth force", axis), 1.0, None, [("force", i, one) for one in features]
 
 
 def _forces(posterior: Posterior) -> list[CoefficientName]:
