@@ -158,12 +158,12 @@ class OutputError:
                 return Drifting(sd, ratio, jnp.sum(data.counts), rate, jnp.exp(rate))
 
     def of_shown(
-        self, values: Mapping[str, Any], trial: TrialData, shown: tuple[Float[Array, " n"], ...]
+        self, values: Mapping[str, Any], trial: TrialData, shown: Float[Array, "channels n"]
     ) -> Float[Array, ""]:
         """Return the log-likelihood of one trial if each sensor, but for its noise, had shown this.
 
-        Residuals that are independent need no loop. The derivatives of others need the memory of a block of samples: of each block only
-        the sums before it are kept.
+        Residuals that are independent need no loop, and one copy of the code for all channels. The derivatives of others need the memory
+        of a block of samples: of each block only the sums before it are kept.
 
         Args:
             values: parameters by name, SI, of which those of noise are used.
@@ -173,9 +173,17 @@ class OutputError:
         noises = self._noises(values, trial)
         channels = list(zip(noises, shown, _measured(trial), strict=True))
         total = jnp.zeros(())
-        for noise, x, (y, present, kind) in channels:
-            if isinstance(noise, White | Heavy):
-                total += noise.log_likelihood(jnp.sum(noise.absorb(noise.empty(), y - x, present, kind)))
+
+        def of_channel(noise: White | Heavy, x: Array, measured: tuple) -> Array:
+            y, present, kind = measured
+            return noise.log_likelihood(jnp.sum(noise.absorb(noise.empty(), y - x, present, kind)))
+
+        for model in (White, Heavy):
+            alike = [
+                (one._replace(counts=one.counts.sum()), *rest) for one, *rest in channels if isinstance(one, model)
+            ]
+            if alike:
+                total += jax.vmap(of_channel)(*jax.tree.map(lambda *parts: jnp.stack(parts), *alike)).sum()
         remembering = [one for one in channels if not isinstance(one[0], White | Heavy)]
         if not remembering:
             return total

@@ -107,28 +107,27 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
 
     shown, by_theta = jax.vmap(lambda way: jax.jvp(shown_at, (point,), (way,)), out_axes=(None, -1))(along[moving])
 
-    def of_samples(trial: Any, shown: tuple[Array, ...], by_theta: tuple[Array, ...]) -> Slopes:
+    def of_samples(trial: Any, shown: Array, by_theta: Array) -> Slopes:
         """Return the slopes that the residuals of some samples add."""
 
-        def gradient_and_value(shown: tuple[Array, ...], theta: Array) -> tuple[tuple[tuple[Array, ...], Array], Array]:
-            def density(shown: tuple[Array, ...], theta: Array) -> Array:
+        def gradient_and_value(shown: Array, theta: Array) -> tuple[tuple[Array, Array], Array]:
+            def density(shown: Array, theta: Array) -> Array:
                 return likelihood.of_shown(values_at(theta), trial, shown)
 
             value, gradient = jax.value_and_grad(density, (0, 1))(shown, theta)
             return gradient, value
 
-        def along_way(moved: tuple[Array, ...], way: Array) -> tuple[Any, Any, Array]:
+        def along_way(moved: Array, way: Array) -> tuple[Any, Any, Array]:
             return jax.jvp(gradient_and_value, (shown, point), (moved, way), has_aux=True)
 
         def along_noise(way: Array) -> Array:
             return jax.jvp(lambda theta: gradient_and_value(shown, theta)[0][1], (point,), (way,))[1]
 
-        def in_motion(pulls: tuple[Array, ...]) -> Array:
+        def in_motion(pulls: Array) -> Array:
             # What is shown enters the time loop as one number a sample, not as one for each parameter.
-            return sum((slope.T @ pull for slope, pull in zip(by_theta, pulls, strict=True)), jnp.zeros(()))
+            return jnp.tensordot(by_theta, pulls, ((0, 1), (0, 1)))
 
-        of_all = (jnp.zeros((len(x), d)).at[:, moving].set(x) for x in by_theta)
-        moved = by_theta if likelihood.independent else tuple(of_all)
+        moved = by_theta if likelihood.independent else jnp.zeros((*shown.shape, d)).at[..., moving].set(by_theta)
         (pulls, gradient), (moved_pulls, rows), value = jax.vmap(along_way, -1, (None, -1, None))(
             moved, along[:, joint]
         )
@@ -139,7 +138,7 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
         return Slopes(value, gradient.at[moving].add(in_motion(pulls)), -0.5 * (curvature + curvature.T))
 
     if not likelihood.independent:
-        return of_samples(trial, shown, by_theta)
+        return of_samples(trial, jnp.stack(shown), jnp.stack(by_theta))
     # What is made of a block of samples stays in the processor's cache; what has no samples is counted with the first.
     blocks = trial.step.size // (length := gcd(trial.step.size, BLOCK))
 
@@ -152,7 +151,9 @@ def _along_simulation(likelihood: OutputError, names: tuple[str, ...], point: Ar
             one._replace(measured=y, present=here, kind=kind, counts=first * one.counts)
             for one, (y, here, kind) in zip(trial.channels, own, strict=True)
         )
-        return jax.tree.map(jnp.add, total, of_samples(trial._replace(channels=channels), *samples)), None
+        return jax.tree.map(
+            jnp.add, total, of_samples(trial._replace(channels=channels), *map(jnp.stack, samples))
+        ), None
 
     measured = tuple((one.measured, one.present, one.kind) for one in trial.channels)
     samples = (*jax.tree.map(cut, (measured,)), jnp.eye(1, blocks)[0], *jax.tree.map(cut, (shown, by_theta)))
