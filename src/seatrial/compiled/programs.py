@@ -4,10 +4,12 @@ Most of what a user waits for is tracing and lowering, which XLA's own cache doe
 loads in a tenth of the time. What is kept, and when it is found again, is in `program_store`; docs/decisions/0023 says why.
 """
 
+import ctypes
 import inspect
 import logging
 import pickle
 import re
+import sys
 import threading
 import time
 import zlib
@@ -277,9 +279,11 @@ class _Entry:
                 if self._make is not None:
                     self._ready = self._make()
                     self._make = None
+                    _give_memory_back()
         return self._ready
 
 
+_c_library = ctypes.CDLL(None) if sys.platform == "linux" else None
 _log = logging.getLogger("seatrial")
 _lock = threading.RLock()
 _done = {"loaded": 0, "compiled": 0, "all": 0}
@@ -289,6 +293,13 @@ _is_writable = True
 _is_tried = False
 _is_told = False
 _xla_cache_users = 0
+
+
+def _give_memory_back() -> None:
+    """Return to the system what is free: after compiling the C library keeps some hundred MB of it, in pools that nothing else takes."""
+    trim = getattr(_c_library, "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def _is_outermost() -> bool:
