@@ -48,7 +48,7 @@ PAPER_GOALS = {"paper-quick": (30, 60), "paper": (210, 270)}
 CLICK_GOALS = (3, 8)
 """Seconds until the study is there, and from a click to the design, with caches full and empty."""
 RECORDS = {
-    "thruster_rov": (600, {"estimate --by mode": (60, 120, 1000)}),
+    "thruster_rov": (600, {"estimate --by mode": (45, 85, 900)}),
     "six_degrees": (60, {"estimate --by mode": (10, 40, 1000), "estimate": (30, 80, 1200)}),
 }
 """Examples that are fitted: the length of their record, s, and what each command may take: processor seconds with caches full and empty,
