@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from arviz_stats.base import array_stats
@@ -117,3 +120,12 @@ def test_stuck_chains_are_noticed(stuck, code):
 def test_slow_chains_are_noticed():
     (finding,) = chain_findings(("X_u",), diagnose(autoregressive(0.999, (4, 2000))[:, :, None]))
     assert finding.subject == ("X_u",)
+
+
+def test_arviz_stats_is_loaded_in_part_and_later_as_a_whole():
+    code = (
+        "import sys; from seatrial.sampling.diagnostics import load_array_stats; load_array_stats().rhat\n"
+        "assert not {'xarray', 'pandas', 'arviz_stats'} & sys.modules.keys()\n"
+        "import arviz_stats; arviz_stats.loo, arviz_stats.base.array.array_stats.rhat"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

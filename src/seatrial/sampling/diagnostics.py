@@ -3,7 +3,11 @@
 z = (mean_a - mean_b) / sqrt(V_a + V_b),  a an early segment, b the end of the chain (Geweke, Bayesian Statistics 4, 1992)
 """
 
-from typing import NamedTuple
+import sys
+import threading
+from functools import lru_cache
+from importlib.util import find_spec, module_from_spec
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,6 +16,7 @@ from seatrial.core.findings import Finding
 
 MAX_R_HAT = 1.01  # Rank R-hat above which chains disagree (Vehtari et al., Bayesian Analysis 16, 2021)
 MIN_ESS = 400.0  # Fewest effective draws, of chains or of weights, on which an answer may rest (the same)
+_loading = threading.Lock()
 
 
 class ChainHealth(NamedTuple):
@@ -32,10 +37,30 @@ class ChainHealth(NamedTuple):
     mcse: Float[np.ndarray, " d"]
 
 
-def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
-    """Compute the diagnostics of draws in the parameters' own units."""
+def load_array_stats() -> Any:
+    """Return arviz-stats' functions of arrays without its others, whose libraries (xarray, pandas) take half a second to load."""
+    with _loading:
+        return _load_array_stats()
+
+
+@lru_cache(maxsize=1)
+def _load_array_stats() -> Any:
+    is_loaded = "arviz_stats" in sys.modules
+    for name in () if is_loaded else ("arviz_stats", "arviz_stats.base"):  # packages whose own files are not run
+        spec = find_spec(name)
+        assert spec is not None
+        sys.modules[name] = module_from_spec(spec)
     from arviz_stats.base.array import array_stats
 
+    if not is_loaded:  # whoever imports the package gets all of it
+        for name in [name for name in sys.modules if name.startswith("arviz_stats")]:
+            del sys.modules[name]
+    return array_stats
+
+
+def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
+    """Compute the diagnostics of draws in the parameters' own units."""
+    array_stats = load_array_stats()
     per_parameter = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
     return ChainHealth(
         r_hat=np.array([array_stats.rhat(x) for x in per_parameter], float),
@@ -48,8 +73,7 @@ def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
 
 def mixing(draws: Float[np.ndarray, "chains draws d"]) -> tuple[float, float]:
     """Return the largest R-hat and the smallest effective sample size of all parameters; NaN where a chain never moved."""
-    from arviz_stats.base.array import array_stats
-
+    array_stats = load_array_stats()
     each = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
     r_hat, ess = [array_stats.rhat(x) for x in each], [array_stats.ess(x, method="bulk") for x in each]
     return float(np.max(r_hat)), float(np.min(ess))

@@ -23,6 +23,7 @@ from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.sampling.diagnostics import load_array_stats
 from seatrial.sampling.target import LANES
 from seatrial.selection.criterion import DevianceCriteria, MonteCarloValue, PredictiveCriterion, sum_error
 from seatrial.selection.importance import MAX_K_HAT
@@ -85,8 +86,7 @@ def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveC
 
     The Monte Carlo error is that of the unsmoothed weights.
     """
-    from arviz_stats.base.array import array_stats
-
+    array_stats = load_array_stats()
     density, left_out, tails, influence = [], [], [], np.zeros(log_likelihood.shape[:2]).ravel()
     for part in _columns(log_likelihood):
         weights, tail = array_stats.psislw(part)

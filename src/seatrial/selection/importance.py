@@ -25,7 +25,7 @@ from seatrial.estimation.posterior.mode import Mode, find_mode, triangular_root
 from seatrial.estimation.posterior.noncentred import Uncoupled, coupled, uncouple, uncoupled_mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.priors.box import bent, log_slopes, straightened
-from seatrial.sampling.diagnostics import MIN_ESS
+from seatrial.sampling.diagnostics import MIN_ESS, load_array_stats
 from seatrial.sampling.target import Target, evaluate
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.verdict import Evidence
@@ -207,8 +207,7 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
     Raises:
         NumericalError: every draw has zero density.
     """
-    from arviz_stats.base.array import array_stats
-
+    array_stats = load_array_stats()
     z = draw_mixture(proposals, key, n)
     log_weight = evaluate(target, z) - log_mixture(proposals, z)
     top = log_weight.max()

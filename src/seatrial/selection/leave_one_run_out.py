@@ -36,6 +36,7 @@ from seatrial.estimation.prediction.posterior_by_run import (
     weigh_runs,
 )
 from seatrial.estimation.prediction.prediction_scores import score_channel
+from seatrial.sampling.diagnostics import load_array_stats
 from seatrial.selection.cross_validation import LeaveOneRunOut, LeftOutRun
 from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
 
@@ -195,8 +196,7 @@ def _log_likelihood(known: _Drawn, weight: np.ndarray) -> np.ndarray:
 
 def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"], float]:
     """Return the log weights of draws for the posterior of some runs, smoothed, that sum to 1, and their tail index."""
-    from arviz_stats.base.array import array_stats
-
+    array_stats = load_array_stats()
     log_weight = _log_weight(known, weight)
     top = log_weight.max()
     if not np.isfinite(top):

@@ -20,6 +20,7 @@ from scipy.special import gammaln
 
 from seatrial.core.errors import InputError, NumericalError, nearest
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.sampling.diagnostics import load_array_stats
 
 Shape = Literal["kernel", "normal", "t"]
 MIN_NEAR_DRAWS = 100.0  # Effective draws about the value below which its density is an extrapolation
@@ -69,8 +70,7 @@ def savage_dickey(
         InputError: no such parameter, a value not inside its prior, or fewer than 1000 draws.
         NumericalError: chains that never moved, or no draw near the value.
     """
-    from arviz_stats.base.array import array_stats
-
+    array_stats = load_array_stats()
     if name not in posterior.names:
         raise InputError(
             "Savage-Dickey ratio, name",
