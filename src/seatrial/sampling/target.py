@@ -59,23 +59,31 @@ LANES = 64
 
 
 def evaluate(target: Target, z: Float[np.ndarray, "n d"], at_once: int = AT_ONCE) -> Float[np.ndarray, " n"]:
-    """Log densities of any number of positions, NaN taken as -inf; few programs to compile, since compiling is what takes time.
+    """Return the log densities of any number of positions, NaN taken as -inf; arguments as `evaluate_parts`."""
+    values = np.add(*evaluate_parts(target, z, at_once))
+    return np.where(np.isnan(values), -np.inf, values)
+
+
+def evaluate_parts(
+    target: Target, z: Float[np.ndarray, "n d"], at_once: int = AT_ONCE
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return log prior densities and log-likelihoods; few programs to compile, since compiling is what takes time.
 
     Args:
         target: density.
-        z: positions.
+        z: positions, any number of them.
         at_once: positions in one call, at least.
     """
     n = z.shape[0]
     size = max(at_once, lanes_at_once(partial(_evaluate, target), z, cpu=LANES))
     blocks = np.minimum(np.arange(-(-n // size) * size), n - 1).reshape(-1, size)
-    values = np.concatenate([np.asarray(_evaluate(target, z[block])) for block in blocks])[:n]
-    return np.where(np.isnan(values), -np.inf, values)
+    log_prior, log_likelihood = zip(*(_evaluate(target, z[block]) for block in blocks), strict=True)
+    return np.concatenate(log_prior)[:n], np.concatenate(log_likelihood)[:n]
 
 
 @program
-def _evaluate(target: Target, z: Float[Array, "n d"]) -> Float[Array, " n"]:
-    return map_lanes(partial(_log_density, target), z, LANES)
+def _evaluate(target: Target, z: Float[Array, "n d"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    return map_lanes(lambda one: (target.log_prior(one), target.log_likelihood(one)), z, LANES)
 
 
 def _log_density(target: Target, z: Float[Array, " d"]) -> Float[Array, ""]:

@@ -29,7 +29,7 @@ from seatrial.core.argument_checks import check_count, check_number
 from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.adaptive_metropolis import TARGET_ACCEPTANCE
-from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate
+from seatrial.sampling.target import AT_ONCE, LANES, Target, evaluate_parts
 from seatrial.sampling.walk import log_ratio_of, mean_acceptance
 
 _GAIN = 2.0  # How fast the scale of the moves follows their acceptance
@@ -78,10 +78,18 @@ class SMCSettings:
         return self.moves if self.moves is not None else max(8, 2 * dim, dim * dim // 5)
 
 
-class TemperedStart(NamedTuple):
-    """Equally weighted draws from p(z) L(z)^b, shape (particles, d), b, and the share of the prior where the likelihood is not zero."""
+class Particles(NamedTuple):
+    """Where particles are: z, shape (..., d), and log prior density and log-likelihood there, shape (...)."""
 
-    particles: Float[np.ndarray, "particles d"]
+    z: Array
+    log_prior: Array
+    log_likelihood: Array
+
+
+class TemperedStart(NamedTuple):
+    """Equally weighted draws from p(z) L(z)^b, of shape (particles, d), b, and the share of the prior where the likelihood is not zero."""
+
+    at: Particles
     temperature: float
     alive: float = 1.0
 
@@ -112,11 +120,13 @@ def prior_particles(target: Target, key: Array, n: int) -> TemperedStart:
     draw_key, pick_key = split(key)
     blocks = [target.sample_prior(fold_in(draw_key, i), AT_ONCE) for i in range(-(-n // AT_ONCE))]
     drawn = np.concatenate([np.asarray(block) for block in blocks])[:n]
-    alive = np.flatnonzero(np.isfinite(evaluate(target, drawn)))
+    at = Particles(drawn, *evaluate_parts(target, drawn))
+    alive = np.flatnonzero(np.isfinite(at.log_prior + at.log_likelihood))
     if alive.size == 0:
-        return TemperedStart(drawn, _START, 0.0)
+        return TemperedStart(at, _START, 0.0)
     offset = np.random.default_rng(np.asarray(jax.random.key_data(pick_key))).uniform()
-    return TemperedStart(drawn[alive[(alive.size * (np.arange(n) + offset) / n).astype(int)]], _START, alive.size / n)
+    picked = alive[(alive.size * (np.arange(n) + offset) / n).astype(int)]
+    return TemperedStart(jax.tree.map(lambda array: array[picked], at), _START, alive.size / n)
 
 
 def sample_tempered_smc(
@@ -141,7 +151,7 @@ def sample_tempered_smc(
             f"none of {particles} draws from the prior has a finite likelihood: under this prior the model "
             "diverges. Narrow the prior to damping that dissipates (negative coefficients), or check units."
         )
-    cloud = _begin(settings, target, start.particles, start.temperature)
+    cloud = _Population(start.at, np.asarray(start.temperature, float), np.zeros(()))
     if alive < 1.0:  # apart what was copied into the places of others
         cloud, _, _ = _step(settings, target, cloud, fold_in(key, max_steps), start.temperature)
     log_evidence, temperatures, acceptance = float(np.log(alive)), [], []
@@ -172,26 +182,12 @@ def sample_tempered_smc(
     )
 
 
-class _Particles(NamedTuple):
-    """Where particles are: z, shape (..., d), and log prior density and log-likelihood there, shape (...)."""
-
-    z: Array
-    log_prior: Array
-    log_likelihood: Array
-
-
 class _Population(NamedTuple):
     """Equally weighted particles on their way: where they are, b, and the logarithm of the scale of their moves."""
 
-    at: _Particles
-    temperature: Array
-    log_scale: Array
-
-
-@program(static_argnums=0)
-def _begin(settings: SMCSettings, target: Target, particles: Array, temperature: Array) -> _Population:
-    at = map_lanes(partial(_place, target), particles, cpu=_lanes(settings, target))
-    return _Population(at, jnp.asarray(temperature, float), jnp.zeros(()))
+    at: Particles
+    temperature: Array | np.ndarray
+    log_scale: Array | np.ndarray
 
 
 @program(static_argnums=0)
@@ -247,11 +243,11 @@ def _systematic(key: Array, log_weights: Array) -> Array:
 
 
 def _move(
-    target: Target, moves: int, temperature: Array, steps: Array, at: _Particles, key: Array
-) -> tuple[_Particles, Array]:
+    target: Target, moves: int, temperature: Array, steps: Array, at: Particles, key: Array
+) -> tuple[Particles, Array]:
     """Move one particle by Metropolis steps of a covariance, whose factor is given; also the mean probability of acceptance."""
 
-    def move(at: _Particles, key: Array) -> tuple[_Particles, Array]:
+    def move(at: Particles, key: Array) -> tuple[Particles, Array]:
         step_key, accept_key = jax.random.split(key)
         proposed = _place(target, at.z + steps @ jax.random.normal(step_key, at.z.shape))
         log_ratio = log_ratio_of(_log_density(proposed, temperature), _log_density(at, temperature))
@@ -262,11 +258,11 @@ def _move(
     return at, jnp.mean(acceptance)
 
 
-def _place(target: Target, z: Array) -> _Particles:
-    return _Particles(z, target.log_prior(z), target.log_likelihood(z))
+def _place(target: Target, z: Array) -> Particles:
+    return Particles(z, target.log_prior(z), target.log_likelihood(z))
 
 
-def _log_density(at: _Particles, temperature: Array) -> Array:
+def _log_density(at: Particles, temperature: Array) -> Array:
     return at.log_prior + temperature * at.log_likelihood
 
 

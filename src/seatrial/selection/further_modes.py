@@ -22,8 +22,15 @@ from seatrial.core.errors import NumericalError
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.estimation.posterior.mode import Mode, completed, is_uphill, maximise_from
 from seatrial.estimation.posterior.posterior import Posterior
-from seatrial.sampling.target import Target, evaluate
-from seatrial.sampling.tempered_smc import SMCResult, SMCSettings, TemperedStart, prior_particles, sample_tempered_smc
+from seatrial.sampling.target import Target, evaluate, evaluate_parts
+from seatrial.sampling.tempered_smc import (
+    Particles,
+    SMCResult,
+    SMCSettings,
+    TemperedStart,
+    prior_particles,
+    sample_tempered_smc,
+)
 from seatrial.selection.importance import distance, edges_of, laplace_proposal
 
 LIKELIHOOD_POWER = 10.0  # To which particles are cooled
@@ -74,7 +81,10 @@ def sample_cold(
     target: Target, warm: SMCResult, key: jax.Array, settings: SMCSettings, progress: Progress = no_progress
 ) -> Float[np.ndarray, "particles d"]:
     """Cool the particles of a run ten times further, and return where they are then; errors as `sample_tempered_smc`."""
-    start = TemperedStart(warm.particles, 1.0 / LIKELIHOOD_POWER)
+    log_prior, log_likelihood = evaluate_parts(target, warm.particles)
+    start = TemperedStart(
+        Particles(warm.particles, log_prior, LIKELIHOOD_POWER * log_likelihood), 1.0 / LIKELIHOOD_POWER
+    )
     return sample_tempered_smc(
         Cooled(target, np.full((), LIKELIHOOD_POWER)), key, settings, progress, start=start
     ).particles
