@@ -45,6 +45,8 @@ from seatrial.estimation.posterior.mode import expand_prior
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.simulation.mounts import SCALE
 from seatrial.estimation.simulation.sensor_errors import Sensor
+from seatrial.vehicles.coriolis import entry_products
+from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import VehicleModel, outside_force
 
 MOTIONS = {*RATES, *ANGLES}  # Controls that are motions given as measured, and no commands
@@ -367,15 +369,11 @@ def _sources(
     step = np.where(motion.inside, motion.step, 1.0)
     interval = float(np.median(motion.step[motion.inside]))
     commands = [name for name in controls if name not in MOTIONS]
-    for axis, inertia in _stated_inertia(model).items():
+    for axis, (body, added) in _stated_inertia(model).items():
         gain = (motion.next[SPEEDS[axis]] - motion.states[SPEEDS[axis]]) / step
-        if stated.inertia and inertia:
-            yield (
-                Effect("inertia", axis),
-                1.0,
-                stated.inertia,
-                [("force", axes.index(axis), -inertia * gain * motion.inside)],
-            )
+        if stated.inertia and body + added:
+            column = _force_of_inertia(motion, axis, body, added, gain * motion.inside)
+            yield Effect("inertia", axis), 1.0, stated.inertia, [column]
     for i, sensor in enumerate(likelihood.simulator.sensors):
         is_free = sensor.mount is not None and f"{SCALE}_{sensor.mount.name}" in sensor.mount.unknown
         if stated.scale and sensor.channel in (*RATES, *OVER_GROUND) and not is_free:
@@ -501,8 +499,38 @@ def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "axes trials n"]:
     return np.stack(forces)
 
 
-def _stated_inertia(model: VehicleModel) -> dict[str, float]:
-    """Return the inertia of each axis that is stated, that of the added mass included; 0 where forces are per unit of it."""
+def _force_of_inertia(motion: _Motion, axis: str, body: float, added: float, gain: np.ndarray) -> Column:
+    """Return the force that a larger inertia of an axis needs, and the Coriolis forces that come with it.
+
+    The mass of the body is the same along all axes, so it turns no vehicle by its velocity, v x m v = 0. Coriolis forces of the added
+    mass are in proportion to it if they follow from it; otherwise they are coefficients.
+
+    Args:
+        motion: about which the force is laid out.
+        axis: of the inertia.
+        body: inertia of the rigid body, kg or kg m^2.
+        added: that of the added mass.
+        gain: acceleration along the axis over each step, SI, shape (trials, n).
+    """
+    at, axes = AXES.index(axis), motion.model.disturbance_axes
+    follows = added * dict(motion.model.constants).get("automatic coriolis", 0.0)
+    forces = {axis: -(body + added) * gain}
+    for name, factor in entry_products(at, at):
+        inertia = follows + body * (AXES.index(name.axis) // 3 == at // 3)
+        if (
+            name.axis in axes
+            and inertia
+            and all(one in motion.states or one in motion.controls for one in name.signals)
+        ):
+            force = inertia * factor * motion.mean(lambda signals, name=name: name.regressor(signals, {}))
+            forces[name.axis] = forces.get(name.axis, 0.0) + force
+    if len(forces) == 1:
+        return "force", axes.index(axis), forces[axis]
+    return "force", None, np.stack([np.broadcast_to(forces.get(one, 0.0), gain.shape) for one in axes])
+
+
+def _stated_inertia(model: VehicleModel) -> dict[str, tuple[float, float]]:
+    """Return the inertia of each axis that is stated: of the body, and of the added mass; none where forces are per unit of it."""
     stated = dict(model.constants)
     if model.per_unit_mass:
         return {}
@@ -510,7 +538,7 @@ def _stated_inertia(model: VehicleModel) -> dict[str, float]:
     for axis in model.disturbance_axes:
         at = "XYZKMN".index(axis)
         body = stated.get(f"mass {at}{at}", stated.get(f"inertia {axis}", 0.0))
-        result[axis] = body - stated.get(f"{axis}_{SPEEDS[axis]}dot", 0.0)
+        result[axis] = body, -stated.get(f"{axis}_{SPEEDS[axis]}dot", 0.0)
     return result
 
 
