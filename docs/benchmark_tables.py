@@ -1,4 +1,4 @@
-"""Write the tables of docs/benchmark.md from results of `python -m benchmarks.public SET --out FOLDER`, of every set.
+"""Write the tables of docs/dev/benchmark.md from results of `python -m benchmarks.public SET --out FOLDER`, of every set.
 
 Run `python docs/benchmark_tables.py FOLDER`.
 """
@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).parent / "benchmark.md"
+PAGE = Path(__file__).parent / "dev" / "benchmark.md"
 BEGIN, END = "<!-- results: python docs/benchmark_tables.py FOLDER -->", "<!-- end of results -->"
 ORDER = ("pool_auv", "kvlcc2_hsva", "kvlcc2_marin", "esso_osaka", "bluerov2_mocap", "beyond_model")
 TASKS = {"run": "whole run", "short": "short stretches", "step": "one step"}

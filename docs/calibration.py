@@ -1,6 +1,6 @@
 """Calibrate nine error models with the default sampler, and every method with white noise: `python docs/calibration.py`.
 
-About 20 minutes on two cores; an interrupted run resumes. Writes docs/calibration.svg and the table in docs/calibration.md.
+About 20 minutes on two cores; an interrupted run resumes. Writes docs/dev/calibration.svg and the table in docs/dev/calibration.md.
 """
 
 import sys
@@ -114,8 +114,8 @@ def main() -> None:
         found |= {f"white, {method}": run("white", method, reporter) for method in METHODS if method != DEFAULT}
         found["equation error, refined"] = equation_error_ranks(REPLICATES)
     with own_settings():
-        write_text(HERE / "calibration.svg", draw_svg(distance_figure(found), "calibration"))
-    page = HERE / "calibration.md"
+        write_text(HERE / "dev" / "calibration.svg", draw_svg(distance_figure(found), "calibration"))
+    page = HERE / "dev" / "calibration.md"
     text = page.read_text(encoding="utf-8")
     head = text[: text.index(RESULTS)]
     picture = "![Distance of the rank distributions from the uniform one](calibration.svg)"

@@ -1,4 +1,4 @@
-"""How often calibration is wrong itself: `python docs/calibration_alarms.py` prints the two tables of docs/calibration.md."""
+"""How often calibration is wrong itself: `python docs/calibration_alarms.py` prints the two tables of docs/dev/calibration.md."""
 
 import numpy as np
 from scipy import stats

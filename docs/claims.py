@@ -12,7 +12,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
-GENERATED = ("decisions", "vehicles", "reference", "_build")
+GENERATED = ("decisions", "vehicles", "reference", "_build", "json.md", "findings.md")
 """Folders without claims of their own: choices with their numbers of the day, and pages that are written from the code."""
 SHOWN_BY = ("tests/", "src/", "benchmarks/", "studies/", "make ", "python ", "seatrial ", "source: ")
 """How an entry begins: a test, the line of code that sets a limit, a command, or a reference."""

@@ -15,8 +15,6 @@ author = "the seatrial authors"
 version = release = seatrial.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
-MORE_PAGES = ("benchmark", "export", "dashboard", "cluster", "reliability")
-"""Pages about what is beyond the loop; those that are there take the place of MORE_PAGES in index.md."""
 
 highlight_language = "text"
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
@@ -42,11 +40,4 @@ html_copy_source = False
 def setup(app):
     """Equations drawn without a network, and the reference written from the package itself."""
     mathtext.register(app)
-    app.connect("source-read", _with_more_pages)
-    app.connect("builder-inited", lambda app: reference.write_pages(HERE / "reference"))
-
-
-def _with_more_pages(_app, page, source):
-    if page == "index":
-        there = [name for name in MORE_PAGES if (HERE / f"{name}.md").exists()]
-        source[0] = source[0].replace("MORE_PAGES", "\n".join(there))
+    app.connect("builder-inited", lambda app: reference.write_pages(HERE))

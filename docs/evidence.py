@@ -1,7 +1,7 @@
 """Repeat every estimator of evidence where the evidence is known: `python docs/evidence.py`.
 
 Some 25 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes
-docs/evidence.svg and the tables in docs/evidence.md; exits with 3 where errors are stated too small, or where agreement is wrong in
+docs/dev/evidence.svg and the tables in docs/dev/evidence.md; exits with 3 where errors are stated too small, or where agreement is wrong in
 silence. With a number, `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written.
 """
 
@@ -98,8 +98,8 @@ def main() -> None:
     if most is None:
         rows = [target for target in (*BENIGN, *HARD) if target != TERM]
         with own_settings():
-            write_text(HERE / "evidence.svg", draw_svg(score_figure(found, rows), "evidence"))
-        page = HERE / "evidence.md"
+            write_text(HERE / "dev" / "evidence.svg", draw_svg(score_figure(found, rows), "evidence"))
+        page = HERE / "dev" / "evidence.md"
         before = page.read_text(encoding="utf-8")
         picture = "![Errors of up to 40 runs of each in units of what each stated](evidence.svg)"
         write_text(page, f"{before[: before.index(RESULTS)]}{RESULTS}\n\n{picture}\n\n{text}")

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from generate.reference import PAGES
 
-KEPT = ("campaign_file", "json")
+KEPT = ("reference/campaign_file", "dev/json")
 """Every key of a campaign file, from the schema that reads it; every key of what `--json` prints."""
 
 if __name__ == "__main__":
     for name in KEPT:
-        (Path(__file__).parent / "reference" / f"{name}.md").write_text(PAGES[name](), encoding="utf-8")
+        (Path(__file__).parent / f"{name}.md").write_text(PAGES[name](), encoding="utf-8")

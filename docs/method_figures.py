@@ -111,7 +111,7 @@ def memory() -> None:
 
 def held_back() -> None:
     """What bands and coefficients hold when the model is wrong, from the tables of held_back.md."""
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("held_back.md") if "% |" in line]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in _lines("dev/held_back.md") if "% |" in line]
     bands = {row[0]: row[3] for row in rows if row[1] == "white"}
     rows = [row for row in rows if row[1].isdigit()]
     figure, axes = plt.subplots(figsize=(5.2, 3.6))
@@ -139,7 +139,7 @@ def held_back() -> None:
 
 def baselines() -> None:
     """CRPS of every method over that of ours, whole runs of each channel of the benchmark."""
-    sets = "\n".join(_lines("benchmark.md")).split("\n### ")[1:]
+    sets = "\n".join(_lines("dev/benchmark.md")).split("\n### ")[1:]
     ratios: dict[str, list[float]] = {}
     for one in sets:
         rows = [

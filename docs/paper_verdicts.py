@@ -8,7 +8,7 @@ from pathlib import Path
 
 from seatrial.core.files import write_text
 
-PAGE = Path(__file__).parent / "explanation" / "paper_verdicts.md"
+PAGE = Path(__file__).parent / "dev" / "paper_verdicts.md"
 PICTURES = ("figure-3", "relay", "listing-1", "odds", "iteration")
 
 

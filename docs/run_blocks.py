@@ -39,7 +39,7 @@ class Tally:
 def pages() -> list[Path]:
     """The tutorial, the README, and every other page, those of the reference written first; decisions and vehicles have no blocks,
     and `notebooks.py` runs the notebooks."""
-    write_pages(DOCS / "reference")
+    write_pages(DOCS)
     others = sorted(
         path
         for path in DOCS.rglob("*.md")

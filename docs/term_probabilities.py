@@ -4,7 +4,7 @@ Vehicles draw which of four terms they have, and their coefficients, from the pr
 seatrial simulates three runs of each: with white noise, with a slow error of the sensor, with a mass that is not the stated one, with a
 force that drifts, and with a thruster that lags. Of all 16 structures the evidence within the model is found, and the one with every error;
 the probabilities of the terms that follow are compared with the truth. What is done is kept in outputs/term_probabilities. Writes the
-table in docs/term_probabilities.md and the numbers in docs/term_probabilities.json.
+table in docs/dev/term_probabilities.md and the numbers in docs/dev/term_probabilities.json.
 """
 
 import argparse
@@ -219,8 +219,8 @@ def main() -> None:
         if full := _done(arm, 4096):
             apart.append(float(np.abs(probabilities(full, "full") - probabilities(full)).max()))
     results["largest difference of the full route"] = max(apart, default=None)
-    write_text(HERE / "term_probabilities.json", json.dumps(results, indent=1) + "\n")
-    page = HERE / "term_probabilities.md"
+    write_text(HERE / "dev" / "term_probabilities.json", json.dumps(results, indent=1) + "\n")
+    page = HERE / "dev" / "term_probabilities.md"
     heads = "| the model lacks | probabilities | vehicles | slope | log score | expected | "
     heads += " | ".join(["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]) + " |\n"
     last = (

@@ -14,7 +14,7 @@ from seatrial.core.files import write_text
 from seatrial.messages.designs import sensor_lines
 
 DOCS = Path(__file__).parent
-PAGE = DOCS / "explanation" / "trial_tables.md"
+PAGE = DOCS / "dev" / "trial_tables.md"
 AXES = {"surge": "n", "yaw": "delta_r", "pitch": "delta_s"}
 
 

@@ -2,7 +2,7 @@
 
 Free-running zigzags of a KVLCC2 model (HSVA, SIMMAN 2008): 10/5, 20/5, 20/10 and 35/5 are fitted, 10/10 and 25/5 only predicted. Sway
 and yaw are driven by the rudder and the measured surge speed; nothing measured of sway or yaw enters a prediction but its first sample.
-Every model is fitted alike: output error with coloured residuals, at the posterior mode. Writes docs/yaw.md.
+Every model is fitted alike: output error with coloured residuals, at the posterior mode. Writes docs/dev/yaw.md.
 """
 
 import gzip
@@ -86,7 +86,7 @@ def main() -> None:
     tried = [try_out(name, terms, records) for name, terms in models.items()]
     text = report(screened, seconds, tried)
     print(text)
-    write_text(HERE / "yaw.md", text)
+    write_text(HERE / "dev" / "yaw.md", text)
 
 
 def zigzag(run: str) -> Record:

@@ -138,7 +138,7 @@ class Result:
         ]
 
     def as_json(self) -> dict:
-        """Return all of it as plain data; `docs/benchmark.md` tells the keys."""
+        """Return all of it as plain data; `docs/dev/benchmark.md` tells the keys."""
         benchmark_set = self.set
         return {
             "format": SCHEMA,

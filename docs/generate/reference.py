@@ -6,17 +6,17 @@ from pathlib import Path
 from generate import campaign_file, coefficients, command_line, result_schema, results
 
 PAGES: dict[str, Callable[[], str]] = {
-    "command_line": command_line.page,
-    "campaign_file": campaign_file.page,
-    "coefficients": coefficients.page,
-    "results": results.page,
-    "json": result_schema.page,
+    "reference/command_line": command_line.page,
+    "reference/campaign_file": campaign_file.page,
+    "reference/coefficients": coefficients.page,
+    "reference/results": results.page,
+    "dev/json": result_schema.page,
 }
-"""By file name, how each is made."""
+"""By page of the docs, how each is made."""
 
 
 def write_pages(folder: Path) -> None:
-    """Write every generated page into a folder."""
+    """Write every generated page into the folder of the docs."""
     for name, make in PAGES.items():
         path, text = folder / f"{name}.md", make()
         if not path.exists() or path.read_text(encoding="utf-8") != text:

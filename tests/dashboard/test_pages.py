@@ -283,5 +283,5 @@ def test_of_two_answers_for_one_part_of_a_page_the_last_is_shown():
 
 
 def test_every_view_stands_in_its_documentation():
-    text = (Path(__file__).parents[2] / "docs" / "dashboard.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "dashboard.md").read_text()
     assert [name for name in VIEWS.values() if f"\n| {name} |" not in text] == []

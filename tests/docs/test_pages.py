@@ -69,12 +69,12 @@ def test_modules_that_pages_name_exist(path):
 @pytest.mark.parametrize("name", KEPT)
 def test_what_is_kept_of_the_reference_is_as_the_code_has_it(name):
     """`python docs/kept_reference.py` writes it again."""
-    assert (ROOT / "docs" / "reference" / f"{name}.md").read_text() == PAGES[name]()
+    assert (ROOT / "docs" / f"{name}.md").read_text() == PAGES[name]()
 
 
 def test_the_validation_page_counts_what_the_benchmark_shows():
     """Channels in which ours has the lowest CRPS, or is within a hundredth of it; and bands that chance explains."""
-    sets = (ROOT / "docs" / "benchmark.md").read_text().split("\n### ")[1:]
+    sets = (ROOT / "docs" / "dev" / "benchmark.md").read_text().split("\n### ")[1:]
     best, total, fits, judged = [0, 0, 0], 0, 0, 0
     for one in sets:
         rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in one.splitlines() if line.startswith("| ")]
@@ -101,7 +101,7 @@ def test_the_validation_page_counts_what_the_benchmark_shows():
 def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
     """The counts are those of the table of verdicts; a page that judges the paper has its title."""
     docs = ROOT / "docs"
-    rows = (docs / "explanation" / "paper_verdicts.md").read_text().splitlines()
+    rows = (docs / "dev" / "paper_verdicts.md").read_text().splitlines()
     found = Counter(row.split(" | ")[1] for row in rows if row.startswith("| ") and row.count(" | ") > 1)
     counted = {verdict: found[verdict] for verdict in ("reproduced", "reproduced in shape", "differs", "cannot hold")}
     same, shape, differ, never = counted.values()
@@ -110,8 +110,8 @@ def test_pages_count_the_verdicts_and_name_the_paper_that_they_judge():
         "docs/validation.md": f"{same} reproduced, {shape} in shape, {differ} differ, {never} cannot hold",
         "docs/explanation/paper.md": f"{same} reproduced, {shape} reproduced in shape",
         "paper.md": f"{same} are reproduced, {shape} are reproduced in shape, {differ} differ and {never} cannot hold",
-        "docs/explanation/paper_verdicts.md": f"{never} cannot hold",
-        "docs/criteria.md": "",
+        "docs/dev/paper_verdicts.md": f"{never} cannot hold",
+        "docs/explanation/criteria.md": "",
         "docs/explanation/evidence_methods.md": "",
     }
     title = "Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle"

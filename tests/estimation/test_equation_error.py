@@ -63,7 +63,7 @@ def test_refined_fit_is_unbiased_and_says_so(u_sd):
     error = values.std(0, ddof=1) / np.sqrt(20)
     assert np.all(np.abs(values.mean(0) - TRUE) < 3 * error + 0.02 * np.abs(TRUE))
     assert all("noise in the speed biases" in one.status for one in fits if u_sd == SIGMA)
-    if u_sd == SIGMA:  # as docs/likelihoods.md says of one trial
+    if u_sd == SIGMA:  # as docs/how-to/likelihoods.md says of one trial
         assert (values[1, 0], fits[1].sd[0]) == pytest.approx((-1.15, 0.07), abs=0.006)
 
 

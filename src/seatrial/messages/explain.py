@@ -1,4 +1,4 @@
-"""Pages of the catalogue: one entry for `seatrial explain CODE`, and all of them for `docs/findings.md`."""
+"""Pages of the catalogue: one entry for `seatrial explain CODE`, and all of them for `docs/dev/findings.md`."""
 
 from dataclasses import replace
 

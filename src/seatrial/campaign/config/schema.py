@@ -187,14 +187,14 @@ class EstimationTable(Table):
     """
 
     likelihood: Literal["output-error", "filter-error"] = Field(
-        default="output-error", description="where the misfit comes from: [which likelihood?](../likelihoods.md)"
+        default="output-error", description="where the misfit comes from: [which likelihood?](../how-to/likelihoods.md)"
     )
     initial: Literal["trim", "measured", "estimated"] = Field(
         default="trim",
         description="how each trial begins: at trim, at the first measurement, or at unknown values that are estimated",
     )
     residuals: Residuals = Field(
-        default="white", description="what the noise is like: [which likelihood?](../likelihoods.md)"
+        default="white", description="what the noise is like: [which likelihood?](../how-to/likelihoods.md)"
     )
     current: Scope = Field(
         default="none", description="an unknown steady current along the course: one for all trials, or one for each"

@@ -1,6 +1,6 @@
 """Every information criterion of every candidate structure, kept on disk.
 
-Which to use when, and why DIC and BPIC decide so little: `docs/criteria.md`.
+Which to use when, and why DIC and BPIC decide so little: `docs/explanation/criteria.md`.
 """
 
 from collections.abc import Sequence

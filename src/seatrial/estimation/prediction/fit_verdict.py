@@ -35,7 +35,7 @@ NARROW, BROKEN, WIDE = 0.85, 0.6, 0.98
 # Factor on standard deviations from which a correlation of residuals matters, and p-value below which it is no chance.
 UNDERSTATED, LIKELY = 1.1, 0.01
 CHANCE = 0.00135  # Probability below which a share inside a band is not put down to chance: three standard errors on one side
-# Independent samples from which on bands may pass: of ten, slow errors leave 85 % inside by chance too often (docs/held_back.md).
+# Independent samples from which on bands may pass: of ten, slow errors leave 85 % inside by chance too often (docs/dev/held_back.md).
 MIN_EFFECTIVE_SAMPLES = 20.0
 SLOW = "residuals-correlated"  # Code of a finding by which stated standard deviations are too small
 LACKS = ("add-term", "add-delay", "add-error-model")  # Remedies for what a model may lack that misses motion
