@@ -69,6 +69,7 @@ def _run_commands(block: Block) -> Work:
         lines = [line for line in here.rstrip().splitlines() if not _PROGRESS.match(line)]
         if told and _share_found(told, lines) < LEAST_SHARE:
             work.changed.append(f"{block.where}: `{command}` prints something else now\n" + "\n".join(lines))
+        lines = excerpt(told, lines) if "excerpt" in block.remarks else lines
         most = int(block.remarks.get("first", len(lines)))
         work.lines += [*f"$ {command}".splitlines(), *lines[:most], *["..."] * (len(lines) > most)]
     return work
@@ -135,6 +136,17 @@ def _share_found(told: tuple[str, ...], lines: list[str]) -> float:
     shown = [_masked(line) for line in told if line.strip() and line.strip() != "..."]
     there = {_masked(line) for line in lines}
     return sum(line in there for line in shown) / max(len(shown), 1)
+
+
+def excerpt(told: tuple[str, ...], lines: list[str]) -> list[str]:
+    """Return the lines that a page shows, numbers aside, with an ellipsis for each gap."""
+    shown, kept = {_masked(line) for line in told}, []
+    for line in lines:
+        if _masked(line) in shown:
+            kept.append(line)
+        elif kept[-1:] != ["..."]:
+            kept.append("...")
+    return kept
 
 
 def _masked(line: str) -> str:

@@ -7,6 +7,7 @@ A remark is an HTML comment on the line before a block, or one that holds a bloc
     <!-- block: finished -->                    a campaign that it begins is the tutorial's, which has its results
     <!-- block: exit 3 -->                      the code with which its last command ends
     <!-- block: first 8 -->                     show no more than so many lines of what each command prints
+    <!-- block: excerpt -->                     show only the lines that the page has already, numbers aside
     <!-- block: file demo -->                   the whole of demo/campaign.toml
     <!-- block: base examples/six_degrees -->   TOML to be checked in a copy of that campaign instead of the tutorial's
     <!-- block: without truth -->               ... and without these tables of it

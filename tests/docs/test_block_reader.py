@@ -10,6 +10,7 @@ import pytest
 DOCS = Path(__file__).parents[2] / "docs"
 sys.path.insert(0, str(DOCS))
 
+from block_work import excerpt  # noqa: E402
 from blocks import commands, read_blocks  # noqa: E402
 from toml_tables import laid_over  # noqa: E402
 
@@ -55,6 +56,10 @@ def test_a_block_of_unknown_language_is_an_error(tmp_path):
     page.write_text("```perl\nls\n```\n")
     with pytest.raises(ValueError, match="perl"):
         read_blocks(page)
+
+
+def test_an_excerpt_keeps_the_lines_of_the_page():
+    assert excerpt(("a 1", "...", "c"), ["a 2", "b", "b", "c", "d"]) == ["a 2", "...", "c", "..."]
 
 
 def test_fragments_are_laid_over_a_file():
