@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from seatrial.campaign.selection.runner_up import absorbed, contending
-from seatrial.messages.structures import change_words, difference_words, trial_words, undecided_words
+from seatrial.messages.structures import change_words, difference_words, one_design, trial_words, undecided_words
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle
@@ -75,6 +75,7 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     assert one.decisive == (3, 3)
     assert one.nats == pytest.approx(np.nanmax(one.expected_nats))
     assert trial_words(one, doubtful).startswith("to decide between M-0 and M-1, run a repeated doublet of")
+    assert one_design("random steps of ±20 N") == "random steps of ±20 N"
     weak = make_contenders(campaign, selection, nats=0.5)
     assert trial_words(weak, doubtful).startswith("no design of this family would decide between M-0 and M-1")
     sure = replace(selection, probability=np.array([0.97, 0.01, 0.01, 0.01]))

@@ -137,7 +137,7 @@ def test_the_advice_of_a_trial_that_meets_its_goal_rests_or_is_of_another_vehicl
     assert first.time >= met[0] + 4.0
     assert looks[-1].advice == "the goal is met: stop"
     assert all(c.is_excited for c in looks[25].coefficients)
-    assert any("more at this rate" in look.advice for look in looks)
+    assert any("goal in about" in look.advice for look in looks)
 
     still = Session(campaign, "simulated")
     rest = np.full(400, 1000 * RPM)

@@ -30,7 +30,7 @@ LOOK = {
     "innovations": {"u": 1.02, "w": None},
     "discount": 1.0,
     "kind": "go on",
-    "advice": "go on, about 46 s more at this rate",
+    "advice": "continue; goal in about 46 s",
 }
 MAVLINK = """
 [import]
@@ -50,7 +50,7 @@ channels.u = { column = "groundspeed", unit = "m/s" }
 
 def test_a_look_is_told_as_it_is():
     html = look_html(LOOK, 1001.0)
-    assert "go on, about 46 s more at this rate" in html
+    assert "continue; goal in about 46 s" in html
     assert 'value="0.500" aria-label="X_u: 50% of the way to its goal"' in html
     assert "-1.2 ± 0.2 kg/s (16.7%)" in html
     assert "goal ± 0.1; excited" in html
@@ -66,7 +66,7 @@ def test_a_look_is_told_as_it_is():
 
 def test_a_look_that_is_old_is_no_advice():
     html = look_html(LOOK, 1034.0)
-    assert "nothing new for 34 s; the last advice was: go on" in html
+    assert "nothing new for 34 s; the last advice was: continue" in html
     assert 'class="advice silent"' in html
 
 
@@ -130,7 +130,7 @@ def test_a_vehicle_over_mavlink_is_followed_on_a_phone_in_sunlight(tmp_path):
             assert page.evaluate("document.documentElement.scrollWidth") <= 390
             text = page.locator(".advice").inner_text()
             assert "nothing new" not in text
-            assert any(words in text for words in ("go on", "the goal is met", "this input", "model is wrong"))
+            assert any(words in text for words in ("continue", "the goal is met", "this input", "model is wrong"))
             page.get_by_text("nothing new for").wait_for(timeout=30_000)  # the sender has stopped
             assert said == []
             browser.close()

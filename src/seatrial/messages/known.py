@@ -24,7 +24,7 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
         for item in known.parameters
         for factor, unit in [shown(item.name, item.unit)]
     ]
-    heads = ("", *(["expected"] if before else []), "known to", "prior sd left", "strongest correlation")
+    heads = ("", *(["expected"] if before else []), "known to", "posterior sd / prior sd", "strongest correlation")
     lines = aligned((heads, *rows), left=(0, -1))
     if len(known.directions) > 1:
         best, least = (", ".join(f"{name} {size}" for name, size in parts_of(known.directions[at])) for at in (0, -1))

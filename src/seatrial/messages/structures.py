@@ -110,11 +110,16 @@ def trial_words(contenders: Contenders, selection: Selection) -> str:
         return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
     gain = f"{contenders.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
     if contenders.nats > ENOUGH:
-        return f"to decide between {best} and {runner}, run a {contenders.trial}: {gain}"
+        return f"to decide between {best} and {runner}, run {one_design(contenders.trial)}: {gain}"
     return (
-        f"no design of this family would decide between {best} and {runner}; the best would be a {contenders.trial}: {gain}. "
+        f"no design of this family would decide between {best} and {runner}; the best would be {one_design(contenders.trial)}: {gain}. "
         "Widen the limits, run for longer, or use a better sensor"
     )
+
+
+def one_design(words: str) -> str:
+    """Return the words of a design with their article: `a step of +200 rpm`, but `random steps of ±20 N`."""
+    return words if words.startswith("random steps") else f"a {words}"
 
 
 def condition_of(selection: Selection) -> str:
@@ -140,14 +145,12 @@ def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
     value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
-        f"{METHOD_LABELS[name]} ({abs(one['joint_errors']):.1f} joint errors away)"
-        for name, one in others.items()
-        if agrees(one)
+        f"{METHOD_LABELS[name]} ({abs(one['joint_errors']):.1f} σ away)" for name, one in others.items() if agrees(one)
     ]
-    sentence = f"by {METHOD_LABELS[value]}, " + (
-        f"with which {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
+    sentence = f"by {METHOD_LABELS[value]}" + (
+        f"; {' and '.join(agree)} agree{'s' * (len(agree) == 1)}; {evidence.check_words}"
         if agree
-        else "which no other method confirms"
+        else ", which no other method confirms"
     )
     return "; ".join(
         [sentence, *needs, *evidence.diagnostics["notes"], *([evidence.status] if evidence.status else [])]

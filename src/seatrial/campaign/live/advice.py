@@ -270,16 +270,16 @@ class Adviser:
                 f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times what its sensor noise allows"
             )
         if not np.isfinite(wanted).any():
-            return "go on", "go on: [goal] has no standard deviation, so there is no point at which to stop"
+            return "go on", "continue: [goal] has no standard deviation, so there is no point at which to stop"
         if self.met_since is not None:
             if time - self.met_since >= self.hold:
                 return "stop", "the goal is met: stop"
             return (
                 "go on",
-                f"go on: the goal is met, and must stay met for {self.hold - (time - self.met_since):.0f} s more",
+                f"continue: the goal is met, and must stay met for {self.hold - (time - self.met_since):.0f} s more",
             )
         if left is None:
-            return "go on", "go on: there are too few samples to say how long"
+            return "go on", "continue: there are too few samples to say how long"
         choice = self.choice
         if (
             left > SOON_SECONDS
@@ -298,7 +298,7 @@ class Adviser:
         if not np.isfinite(left) or left > 100 * HALVING_SECONDS:
             short = self.recursion.names[int(np.argmax(sd / wanted))]
             return "switch", f"this input will not reach the goal: it gives no information about {short}; excite it"
-        return "go on", f"go on, about {left:.0f} s more at this rate"
+        return "go on", f"continue; goal in about {left:.0f} s"
 
     def _ask(self, time: float, mean: np.ndarray, honest: np.ndarray, discount: float, wanted: np.ndarray) -> None:
         """Have the library weighed beside the samples, every ten seconds."""

@@ -23,7 +23,7 @@ from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
-from seatrial.messages.structures import BETTER_EVIDENCE, condition_of
+from seatrial.messages.structures import BETTER_EVIDENCE, condition_of, one_design
 from seatrial.selection.contenders import Contenders
 from seatrial.selection.verdict import DECIDED
 
@@ -334,4 +334,4 @@ def _run(
         if (one := known.get(name)) is not None
     )
     expected = (f"expected ± with every error: {shrink}", *((noise,) if noise else ()))
-    return Proposal(chosen, standing, (f"run a {words}", promise), expected)
+    return Proposal(chosen, standing, (f"run {one_design(words)}", promise), expected)
