@@ -4,7 +4,7 @@
 
 What the export keeps is `Exporter.carries`; what it loses is stated by the export itself, and stands beside the difference. A driver of
 a target (`gz.py`, `stonefish.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
-prints the table of all results, and with `--write` puts it into docs/how-to/export.md. None of it runs in CI: the targets' sources stay outside.
+prints the table of all results, and with `--write` puts it into docs/dev/exports.md. None of it runs in CI: the targets' sources stay outside.
 """
 
 import json
@@ -47,7 +47,7 @@ FLOOR = 1e-3
 ABEAM: Current = (0.0, 0.36, 0.0)
 """Current of the scenario in one, m/s north, east, down."""
 RESULTS = Path(__file__).parent / "results"
-DOCUMENT = Path(__file__).parents[2] / "docs" / "how-to" / "export.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "dev" / "exports.md"
 _BEGIN, _END_OF_TABLE = "<!-- results: python release/simulators/laboratory.py --write -->", "<!-- end of results -->"
 _TILT, _START, _END = np.radians(10.0), 1.0, 25.0
 """Angle of the roll release, and when controls change and change back, s."""
@@ -415,7 +415,7 @@ def load(path: Path) -> Results:
 
 
 def table(results: Sequence[Results]) -> str:
-    """The table of docs/how-to/export.md: a line for each vehicle in each target."""
+    """The table of docs/dev/exports.md: a line for each vehicle in each target."""
     lines = [
         "| target | vehicle | scenarios | largest difference from what the export keeps | signs | inside the statement |",
         "| --- | --- | --- | --- | --- | --- |",
