@@ -143,7 +143,7 @@ PLAIN = """## Text files
 | `mode.json` | estimate --by mode | posterior mode of the most probable structure: value and sd of each parameter, SI, for `priors_from` |
 | `mode_predictions.nc` | estimate --by mode | as `predictions.nc`: the held-back records, as that mode predicts them |
 | `coefficients.csv` | estimate, run | each parameter of each structure: mean, sd, 95 % interval, mode, health; by `run` its probability |
-| `averaged.csv` | run, report | each parameter averaged over all structures, absent counting as zero; `inclusion` is its probability |
+| `quote.csv` | run, report | the value to quote of each parameter, and the probability of having it |
 | `checkpoints/` | long work | what has been done so far; empty once it is done |
 
 In a schedule `f_1_command` is the command of the thrust `f_1_N` by its law, exact at the rows. If no command makes a thrust, the last

@@ -9,6 +9,7 @@ from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.stored_result import Store, StoredResult
 from seatrial.campaign.store.summary import NextTrial, Summary
 from seatrial.estimation.diagnostics.known import Known, KnownParameter
+from seatrial.selection.verdict import StoredAverage
 from tests.campaigns import import_log, joined, priors, sensors, uniform, write_campaign
 
 SMALL = joined(
@@ -85,7 +86,7 @@ def write_summary(
 ) -> None:
     """Write the summary of a campaign that has been run: mean and standard deviation of what it found, all else blank."""
     numbers = dict.fromkeys(list(StoredCoefficient.__dataclass_fields__)[3:-2], 0.0)
-    rows = (
+    rows = tuple(
         StoredCoefficient(**{"name": name, "unit": "", "label": name, **numbers, "mean": mean, "sd": sd})
         for name, (mean, sd) in found.items()
     )
@@ -97,7 +98,8 @@ def write_summary(
         name="small",
         chosen=chosen,
         terms=terms,
-        coefficients=tuple(rows),
+        coefficients=rows,
+        quote=tuple(StoredAverage(one.name, "", one.name, one.mean, one.sd, 0.0, 0.0, "", 1.0) for one in rows),
         usable=True,
         known=Known("after", chosen, tuple(partners), (), ()),
         next_trial=NextTrial("", False, None),

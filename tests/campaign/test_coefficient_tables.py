@@ -1,12 +1,13 @@
 """Tables of coefficients: averages are those of draws taken from the structures by their probabilities."""
 
 import csv
+from dataclasses import astuple
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from seatrial.campaign.inference.coefficient_csv import averaged_rows, write_averaged, write_coefficients
+from seatrial.campaign.inference.coefficient_csv import averaged_rows, quote_rows, write_coefficients, write_quote
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.core.display_units import shown_as_written
 from seatrial.selection.structures import Structure
@@ -65,11 +66,14 @@ def test_averages_are_those_of_a_mixture_of_draws(tmp_path):
         assert found[name].inclusion <= 1.0
         assert (found[name].lower_95, found[name].upper_95) == pytest.approx(shortest(drawn))
     assert found["X_u"].upper_95 == 0.0  # three in four structures lack it
-    assert (found["X_u"].cause, found["X_uabsu"].cause) == ("a force X_u3", "")
-    path = write_averaged(tmp_path, list(found.values()), SI)
+    assert (found["X_u"].cause, found["X_uabsu"].cause) == ("", "")  # the choice of terms
+    # The variance of X_u, which one structure in four has: a quarter of its own in these shares, and the rest between structures.
+    within = 0.25 * rich.sd("X_u") ** 2 / found["X_u"].sd ** 2
+    assert astuple(found["X_u"].shares) == pytest.approx((0.25 * within, 0.75 * within, 0.0, 0.0, 1.0 - within))
+    path = write_quote(tmp_path, quote_rows("averaged", (), list(found.values())), SI)
     written = list(csv.DictReader(path.open()))
     assert [row["name"] for row in written] == ["X_u", "X_uabsu"]
-    assert [row["cause"] for row in written] == ["a force X_u3", ""]
+    assert [row["cause"] for row in written] == ["", ""]
     assert float(written[1]["lower_95"]) < float(written[1]["mean"]) < float(written[1]["upper_95"])
     before = csv.DictReader(write_coefficients(tmp_path, [rich, simple], SI).open())
     assert [row["probability"] for row in before] == ["", "", ""]

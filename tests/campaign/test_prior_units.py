@@ -35,7 +35,7 @@ def test_value_and_unit_agree_wherever_they_stand(monkeypatch, capsys, tmp_path)
     assert written == (("T_nabsn", UNIT),)
 
     assert re.search(rf"T_nabsn +{mean:.5g} ± {sd:.3g} +{re.escape(UNIT)}", out)
-    for path in (store.coefficients, store.averaged):
+    for path in (store.coefficients, store.quote):
         (line,) = (one for one in csv.DictReader(path.open()) if one["name"] == "T_nabsn")
         assert line["unit"] == UNIT
         assert float(line["mean"]) == pytest.approx(mean, rel=1e-9)

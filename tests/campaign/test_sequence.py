@@ -146,7 +146,7 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert "raise `particles`" in choice.first[0]
     stopped = propose(replace(met, selection=selection)).lines[-1]
     assert stopped == "stop: the goal is met: X_u to 900 %", "which asks for no model"
-    mean = {row.name: row.mean for row in outcome.summary.coefficients}["X_u"]
+    mean = {row.name: row.mean for row in outcome.summary.quote}["X_u"]
     other = with_goal(outcome, Goal(sds={"X_u": 9 * abs(mean), "N_r": 1.0}))
     assert propose(other).lines[-1] == "stop: the goal is met: X_u to 900 % and no N_r in the model"
     assert any(line.startswith("X_u is known to") and line.endswith(" 1 % wanted") for line in strict_lines(outcome))
@@ -171,8 +171,8 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
         assert remedy in found.lines[-1]
     init_campaign(tmp_path / "own", "design")
     example = load_campaign(tmp_path / "own").goal
-    rows = tuple(replace(row, sd=1e-3 * abs(row.mean)) for row in outcome.summary.coefficients)
-    outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
+    rows = tuple(replace(row, sd=1e-3 * abs(row.mean)) for row in outcome.summary.quote)
+    outcome = replace(outcome, summary=replace(outcome.summary, quote=rows))
     told = propose(with_goal(outcome, example)).lines[-1]
     assert told.startswith(
         "the goal is met: X_uabsu to 3 %; before you stop, state in [goal] how well you need to know it"
@@ -200,9 +200,9 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
         replace(row, sd=20 * abs(row.mean), shares=ErrorShares(0.19, 0.81), cause="the stated inertia along X")
         if row.name == "X_u"
         else row
-        for row in outcome.summary.coefficients
+        for row in outcome.summary.quote
     )
-    outcome = replace(outcome, summary=replace(outcome.summary, coefficients=rows))
+    outcome = replace(outcome, summary=replace(outcome.summary, quote=rows))
     stays = "X_u is known to 2000 %, 900 % wanted; without noise it would be 1800 %: the stated inertia along X"
     assert stays in propose(outcome).lines
     stop = "stop: no trial of this kind meets the goal for X_u: correct the stated inertia along X first"

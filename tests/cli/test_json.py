@@ -144,8 +144,8 @@ def test_a_plan_is_of_the_trials_that_remain(ask, tmp_path):
 def test_every_command_of_a_campaign(ask, tmp_path):
     folder = write_small(tmp_path / "small")
     ran = ask("run", folder, code=None)[0]["result"]
-    rows = (Store(folder).averaged.read_text()).splitlines()
-    assert rows[0] == "name,unit,mean,sd,lower_95,upper_95,cause,inclusion"
+    rows = (Store(folder).quote.read_text()).splitlines()
+    assert rows[0] == "name,unit,mean,sd,lower_95,upper_95,noise,stated,runs,model,terms,cause,inclusion"
     by_name = {one["name"]: one for one in ran["averaged"]}
     chosen = {one["name"]: one for one in ran["coefficients"]}
     lone = [one for one in by_name.values() if one["inclusion"] < 1]

@@ -77,7 +77,7 @@ def test_compare_prints_why_a_probability_means_nothing():
             "structures": (structure,),
             "next_trial": SimpleNamespace(best=None),
         }
-        return SimpleNamespace(coefficients=(), alarms=alarms, choice_alarms=alarms, cautions=(), **about)
+        return SimpleNamespace(quote=(), alarms=alarms, choice_alarms=alarms, cautions=(), **about)
 
     html = side_by_side(side("residuals of u are <correlated>"), side(), "a", "b")
     assert "residuals of u are &lt;correlated&gt;" in html

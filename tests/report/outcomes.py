@@ -10,7 +10,7 @@ import xarray as xr
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.coefficient_csv import averaged_rows
+from seatrial.campaign.inference.coefficient_csv import averaged_rows, quote_rows
 from seatrial.campaign.selection.runner_up import NEXT, contending
 from seatrial.campaign.store.estimates import Estimate, StoredCoefficient
 from seatrial.campaign.store.predictions import Fit, FittedBaselines
@@ -110,11 +110,12 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
     fits = tuple(
         _fit(record.label, channel) for record in (*trials.fit, *trials.predict) for channel in campaign.channels
     )
+    averages, coefficients = averaged_rows(estimates, selection), tuple(_row(chosen, name) for name in chosen.names)
     summary = Summary(
         name=campaign.name,
         chosen=chosen.structure.label,
         terms=chosen.structure.terms,
-        coefficients=tuple(_row(chosen, name) for name in chosen.names),
+        coefficients=coefficients,
         structures=selection.rows,
         inclusion=selection.inclusion,
         inclusion_error=selection.inclusion_error,
@@ -131,8 +132,9 @@ def make_outcome(folder: Path, alarms: tuple[str, ...] = (), gain: float = 1.0) 
         next_trial=NextTrial(
             "", False, replace(next_design.design(next_design.best), sd_after=dict.fromkeys(next_design.names, 0.01))
         ),
-        averaged=averaged_rows(estimates, selection),
+        averaged=averages,
         quoted=selection.quoted,
+        quote=quote_rows(selection.quoted, coefficients, averages),
     )
     return Outcome(
         campaign,

@@ -5,11 +5,11 @@ from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
 from html.parser import HTMLParser
-from itertools import takewhile
 
 import numpy as np
 import pytest
 
+from seatrial.campaign.inference.coefficient_csv import averaged_rows, quote_rows
 from seatrial.campaign.inference.judge_predictions import fit_complaints
 from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.next_trial import propose
@@ -167,7 +167,7 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
     digits, average = digits_of(outcome)[name], averaged(moments, outcome.selection.probability)[name]
     row = next(item for item in outcome.summary.coefficients if item.name == name)
     chosen = digits.pair(row.mean, row.sd)
-    assert f'<td class="value" data-head="Chosen model">{chosen}</td>' in html
+    assert re.search(rf'<td class="value" data-head="Value ± sd">{re.escape(chosen)}<', html)
     assert f'<td data-head="Averaged">{digits.pair(*average)}</td>' in html
 
 
@@ -250,26 +250,30 @@ def test_what_is_no_coefficient_is_said_to_be_what_it_is():
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_average_stands_only_where_it_differs(outcome, html):
-    alone = replace(outcome, selection=replace(outcome.selection, probability=np.eye(4)[0]))
-    assert "a model without the coefficient counts as zero" in html
-    said = render(alone)
-    assert 'data-head="Averaged"' not in said
-    assert "Averaged over all models, weighted by their probabilities, the values are the same." in said
+    assert 'data-head="Averaged"' in html
+    assert 'data-head="Averaged"' not in render(decided_by(outcome, (1.0, 0.0, 0.0, 0.0)))
 
 
 def bold_values(html):
-    """Heads and texts of the bold cells of the first screen's coefficients."""
+    """Texts of the bold cells of the first screen's coefficients."""
     table = html[html.index('id="summary"') : html.index('<details class="more">')]
-    found = re.findall(r'<td class="value" data-head="([^"]*)">(.*?)</td>', table)
-    return [(head, re.sub("<small.*?</small>", "", text)) for head, text in found]
+    return [re.sub("<small.*?</small>", "", text) for text in re.findall(r'<td class="value"[^>]*>(.*?)</td>', table)]
+
+
+def decided_by(made, probability):
+    """The outcome with these probabilities of its structures."""
+    selection = replace(made.selection, probability=np.array(probability), probability_error=np.zeros(4))
+    outcome = replace(made, selection=selection)
+    rows = quote_rows(selection.quoted, made.summary.coefficients, averaged_rows(made.estimates, selection))
+    averages = averaged_rows(made.estimates, selection)
+    return replace(outcome, summary=replace(made.summary, averaged=averages, quoted=selection.quoted, quote=rows))
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
     """The mixture by hand."""
-    made = make_outcome(tmp_path)
-    p = np.array([0.6, 0.3, 0.1, 0.0])
-    open_ = replace(made, selection=replace(made.selection, probability=p, probability_error=np.zeros(4)))
+    made, p = make_outcome(tmp_path), (0.6, 0.3, 0.1, 0.0)
+    open_ = decided_by(made, p)
     html, digits = render(open_), digits_of(open_)
     expected = []
     for name in ("X_tau_X", "X_u", "X_uabsu"):
@@ -279,36 +283,30 @@ def test_the_bold_value_is_the_one_that_the_rule_names(tmp_path):
                 row = one.data.sel(parameter=name)
                 mean, sd = (float(row[key]) for key in ("mean", "sd"))
                 sums += weight * np.array([mean, mean**2 + sd**2])
-        expected.append(("Averaged", digits[name].pair(sums[0], np.sqrt(sums[1] - sums[0] ** 2))))
+        expected.append(digits[name].pair(sums[0], np.sqrt(sums[1] - sums[0] ** 2)))
     assert bold_values(html) == expected
-    assert f"Bold: the value to quote.</strong> It is {QUOTED['averaged']}." in html
-    decided = render(replace(made, selection=replace(made.selection, probability=np.eye(4)[0])))
+    assert f"Bold: the values to quote.</strong> They are {QUOTED['averaged']}." in html
+    decided = render(decided_by(made, (1.0, 0.0, 0.0, 0.0)))
     means = {row.name: (row.mean, row.sd) for row in made.summary.coefficients}
-    assert bold_values(decided) == [
-        ("Chosen model", digits[name].pair(*means[name])) for name in ("X_tau_X", "X_u", "X_uabsu")
-    ]
-    assert f"Bold: the value to quote.</strong> It is {QUOTED['chosen']}." in decided
+    assert bold_values(decided) == [digits[name].pair(*means[name]) for name in ("X_tau_X", "X_u", "X_uabsu")]
+    assert f"Bold: the values to quote.</strong> They are {QUOTED['chosen']}." in decided
     alarm = render(alarmed(tmp_path / "alarmed", "M-0: the chains disagree about X_u (R-hat 1.03): run longer"))
-    assert "value to quote" not in alarm
+    assert "values to quote" not in alarm
     assert bold_values(alarm) == []
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_terminal_says_which_value_to_quote(tmp_path, capsys):
+def test_the_terminal_prints_the_values_to_quote(tmp_path, capsys):
     made = make_outcome(tmp_path)
     for p, quoted in (((0.6, 0.3, 0.1, 0.0), "averaged"), ((1.0, 0.0, 0.0, 0.0), "chosen")):
-        selection = replace(made.selection, probability=np.array(p), probability_error=np.zeros(4))
-        outcome = replace(made, selection=selection)
-        outcome = replace(outcome, summary=replace(summarise(outcome), next_trial=made.summary.next_trial))
-        answer = Answer("run")
+        outcome, answer = decided_by(made, p), Answer("run")
         _tell_and_report(answer, outcome, propose(outcome))
         lines = capsys.readouterr().out.splitlines()
-        at = lines.index(f"  to quote: {QUOTED[quoted]}")
-        rows = [re.fullmatch(r"    (.*?) +\S+ ± (\S+) .*", line) for line in lines[at + 1 :]]
-        told = {row.name: row.sd for row in outcome.summary.averaged}
-        expected = [[name, f"{sd:.3g}"] for name, sd in told.items()] if quoted == "averaged" else []
-        assert [list(row.groups()) for row in takewhile(bool, rows)] == expected
+        at = lines.index(f"  These are the values to quote: {QUOTED[quoted]}.")
+        rows = [re.fullmatch(r"  (.*?) +\S+ ± (\S+) .*", line) for line in lines[:at]]
+        assert [row.groups() for row in rows] == [(row.name, f"{row.sd:.3g}") for row in outcome.summary.quote]
         assert answer.content["result"]["quoted"] == quoted
+        assert [row["sd"] for row in answer.content["result"]["quote"]] == [row.sd for row in outcome.summary.quote]
 
 
 def test_other_models_stand_beside_the_chosen_one(outcome):
@@ -353,7 +351,7 @@ def test_a_page_without_cautions_has_none_in_any_section(tmp_path):
     quiet = [replace(one, sd=0.1 * abs(one.value), left=0.1, correlation=0.2) for one in made.known.parameters]
     known = replace(made.known, verdict=(), parameters=tuple(quiet))
     promised = replace(made.known, stage="before", verdict=("X_u would be 0 ± 2",))
-    for nats, sd, count in ((5.0, quiet[0].sd, 0), (0.01, 9.0, 2)):
+    for nats, sd, count in ((5.0, quiet[0].sd, 0), (0.01, 9.0, 1)):
         unsure = replace(known, parameters=(replace(quiet[0], sd=sd), *quiet[1:]))
         undecided = replace(made, known=unsure, contenders=make_contenders(made.campaign, selection, nats))
         outcome = replace(undecided, first=made.next, promised=promised)

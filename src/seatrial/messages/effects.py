@@ -29,7 +29,13 @@ def thresholds() -> dict[str, float]:
 
 
 # How the parts of a ± are called, by the fields of `ErrorShares`.
-NAMES_OF_ORIGINS = {"noise": "noise", "stated": "stated inputs", "runs": "differences between runs", "model": "model"}
+NAMES_OF_ORIGINS = {
+    "noise": "noise",
+    "stated": "stated inputs",
+    "runs": "differences between runs",
+    "model": "model",
+    "terms": "choice of terms",
+}
 MOSTLY, MIN_SHARE = 0.95, 0.005  # Share of noise from which nothing else is named, and share from which a part is
 SLOW_RESIDUALS = "slow errors of the sensors"
 # How the sizes of effects are introduced.

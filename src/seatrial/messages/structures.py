@@ -12,8 +12,8 @@ from seatrial.selection.verdict import DECIDED, Evidence, Selection
 
 # Which value of a coefficient to quote, by `Selection.quoted`: the same words on every surface.
 QUOTED = {
-    "chosen": "that of the chosen model",
-    "averaged": "the average over all models, because the data do not decide between them",
+    "chosen": "those of the chosen model",
+    "averaged": "averages over all models, because the data do not decide between them",
 }
 # What helps where an evidence is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
@@ -69,12 +69,6 @@ def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
 def contenders_lines(contenders: Contenders, selection: Selection) -> list[str]:
     """Return what the runner-up would change, what is undecided, and which trial would decide."""
     return [difference_words(contenders), undecided_words(selection), trial_words(contenders, selection)]
-
-
-def contenders_cautions(contenders: Contenders, selection: Selection) -> list[str]:
-    """Return that no design would decide between the two, if these data have not; empty if one would, or nothing is open."""
-    is_open = not selection.is_settled and contenders.nats <= ENOUGH
-    return [trial_words(contenders, selection)] if is_open else []
 
 
 def change_words(best: Sequence[str], other: Sequence[str]) -> str:

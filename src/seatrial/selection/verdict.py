@@ -12,6 +12,7 @@ from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.serialise import AS_LIST, from_plain
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -118,6 +119,7 @@ class StoredAverage:
         upper_95: its end.
         cause: what adds most to the standard deviation, if that is not the noise.
         inclusion: probability of the structures that have it.
+        shares: what the variance is made of.
     """
 
     name: str
@@ -129,6 +131,12 @@ class StoredAverage:
     upper_95: float
     cause: str
     inclusion: float
+    shares: ErrorShares = ErrorShares()
+
+    def in_unit(self, factor: float, unit: str) -> "StoredAverage":
+        """Return it in another unit, of which there are `factor` in an SI unit."""
+        scaled = {name: factor * getattr(self, name) for name in ("mean", "sd", "lower_95", "upper_95")}
+        return replace(self, **scaled, unit=unit)
 
 
 @dataclass(frozen=True)

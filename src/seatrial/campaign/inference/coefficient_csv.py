@@ -1,12 +1,13 @@
-"""Tables of coefficients for other programs: of every structure, and averaged over all of them, as CSV.
+"""Tables of coefficients for other programs: of every structure, and the values to quote, as CSV.
 
 Each row names its unit: that in which the prior of its parameter is written, else SI.
 
-The standard deviation and the 95 % interval of a row hold more than the noise; `noise`, `stated`, `runs` and `model` are the shares of its
-variance, and `cause` names what adds most to it if that is not the noise.
+The standard deviation and the 95 % interval of a row hold more than the noise; `noise`, `stated`, `runs`, `model` and, of an average,
+`terms` are the shares of its variance, and `cause` names what adds most to it if that is not the noise.
 
 Averaging counts a coefficient as zero where a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
-is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999).
+is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999); the second part is
+the share `terms`.
 The 95 % interval is the shortest that holds 95 % of the draws of all structures, each widened to its s_i and
 weighing P_i, and zero weighing as much as the structures without the coefficient.
 """
@@ -14,17 +15,18 @@ weighing P_i, and zero weighing as much as the structures without the coefficien
 import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, astuple, fields
 from math import isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from seatrial.campaign.store.estimates import Estimate
+from seatrial.campaign.store.estimates import TINY, Estimate, StoredCoefficient
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import Shown
 from seatrial.core.files import write_text
+from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.selection.verdict import Selection, StoredAverage, averaged
 
 OF_STRUCTURES = (
@@ -47,7 +49,8 @@ OF_STRUCTURES = (
     "ess_tail",
 )
 # Columns of the two tables.
-AVERAGED = ("name", "unit", "mean", "sd", "lower_95", "upper_95", "cause", "inclusion")
+SHARES = tuple(one.name for one in fields(ErrorShares))
+QUOTE = ("name", "unit", "mean", "sd", "lower_95", "upper_95", *SHARES, "cause", "inclusion")
 COVERED, ROUNDING = 0.95, 1e-12  # Share of the draws that an interval holds, and by how much sums of weights may be off
 QUANTITIES = ("mean", "sd", "lower_95", "upper_95", "mode")  # Those in the unit of the row
 
@@ -78,15 +81,34 @@ def _rows(columns: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     return (dict(zip(columns, row, strict=True)) for row in zip(*plain, strict=True))
 
 
-def write_averaged(folder: Path, rows: Sequence[StoredAverage], shown: Shown) -> Path:
-    """Write `results/averaged.csv`, the rows of `averaged_rows`, atomically; returns its path."""
-    return _write(Store(folder).averaged, AVERAGED, map(asdict, rows), shown)
+def write_quote(folder: Path, rows: Sequence[StoredAverage], shown: Shown) -> Path:
+    """Write `results/quote.csv`, the rows of `quote_rows`, atomically; returns its path."""
+    return _write(Store(folder).quote, QUOTE, ({**asdict(row), **asdict(row.shares)} for row in rows), shown)
+
+
+def quote_rows(
+    source: Literal["chosen", "averaged"], chosen: Sequence[StoredCoefficient], averages: Sequence[StoredAverage]
+) -> tuple[StoredAverage, ...]:
+    """Return the one value to quote of each parameter.
+
+    Args:
+        source: whose values these are, by `Selection.quoted`.
+        chosen: parameters of the most probable structure.
+        averages: rows of `averaged_rows`.
+    """
+    if source == "averaged":
+        return tuple(averages)
+    inclusion = {row.name: row.inclusion for row in averages}
+    kept = [one.name for one in fields(StoredAverage) if one.name != "inclusion"]
+    return tuple(
+        StoredAverage(**{name: getattr(row, name) for name in kept}, inclusion=inclusion[row.name]) for row in chosen
+    )
 
 
 def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[StoredAverage, ...]:
     """Return each parameter averaged over all structures by their probabilities, SI, and the probability of those that have it.
 
-    The cause of a standard deviation is that of the structure that adds most to it.
+    The cause of a standard deviation is that of the structure that adds most to it, if the structures differ less than they are uncertain.
     """
     moments = [
         {name: (float(one.data["mean"].sel(parameter=name)), one.sd(name)) for name in one.names} for one in estimates
@@ -97,7 +119,11 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
         have_it = [(one, p) for one, p in zip(estimates, share, strict=True) if name in one.names]
         inclusion = min(1.0, sum(float(p) for _, p in have_it))
         lower, upper = _interval([(one.widened_draws(name), float(p)) for one, p in have_it], 1.0 - inclusion)
-        most, _ = max(have_it, key=lambda pair: pair[1] * pair[0].sd(name) ** 2)
+        parts = [(p * one.sd(name) ** 2, one) for one, p in have_it]
+        most = max(parts, key=lambda pair: pair[0])[1]
+        within = np.array([float(variance) * np.array(astuple(one.shares(name))) for variance, one in parts])
+        shares = within.sum(0) / max(sd**2, TINY)
+        shares[-1] = max(0.0, 1.0 - shares.sum())
         about = have_it[0][0].data.sel(parameter=name)
         rows.append(
             StoredAverage(
@@ -108,8 +134,9 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
                 sd=sd,
                 lower_95=lower,
                 upper_95=upper,
-                cause=most.causes.get(name, ""),
+                cause=most.causes.get(name, "") if shares[-1] < 0.5 else "",
                 inclusion=inclusion,
+                shares=ErrorShares(*map(float, shares)),
             )
         )
     return tuple(rows)

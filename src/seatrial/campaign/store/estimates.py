@@ -205,7 +205,8 @@ class Estimate:
         stored = ("mode", "mcse", "r_hat", "ess_bulk", "ess_tail")
         columns = {name: self.data[name].values for name in ("unit", "mean", "sd")}
         columns |= {"lower_95": lower, "upper_95": upper}
-        columns |= {name.name: self.data["shares"].values[:, at] for at, name in enumerate(fields(ErrorShares))}
+        origins = fields(ErrorShares)[:-1]  # the last is of averages
+        columns |= {one.name: self.data["shares"].values[:, at] for at, one in enumerate(origins)}
         columns |= {"cause": [self.causes.get(name, "") for name in self.names]}
         return columns | {name: self.data[name].values for name in stored}
 

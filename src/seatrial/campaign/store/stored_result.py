@@ -75,7 +75,7 @@ class Store:
     modes = ResultFile("modes.json")  # highest posterior mode of each structure, from which commands begin
     all_modes = ResultFile("all_modes.json")  # these and further ones, as a search finds them
     mode = ResultFile("mode.json")  # posterior mode of the most probable structure, a first answer
-    averaged = ResultFile("averaged.csv")  # table of the parameters averaged over all structures, as CSV
+    quote = ResultFile("quote.csv")  # table of the value to quote of each parameter, as CSV
     sequence = ResultFile("sequence.json")  # trials decided after the first, of a simulated vehicle
     proposed = ResultFile("proposed_schedule.csv")  # schedule of the trial that is proposed
     known_design = ResultFile("known/design.json")  # what the best design would tell

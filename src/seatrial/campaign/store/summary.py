@@ -55,6 +55,7 @@ class Summary:
         next_trial: what to run next.
         averaged: each parameter averaged over the structures.
         quoted: whose values to quote, by `QUOTED`.
+        quote: the one value to quote of each parameter.
         seatrial_version: that wrote it.
     """
 
@@ -78,4 +79,5 @@ class Summary:
     next_trial: NextTrial
     averaged: tuple[StoredAverage, ...]
     quoted: Literal["chosen", "averaged"]
+    quote: tuple[StoredAverage, ...]
     seatrial_version: str = __version__

@@ -7,7 +7,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.data.check import record_doubts
 from seatrial.campaign.data.simulate import add_trial
 from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
-from seatrial.campaign.inference.coefficient_csv import averaged_rows
+from seatrial.campaign.inference.coefficient_csv import averaged_rows, quote_rows
 from seatrial.campaign.inference.cross_validation import current_cross_validation
 from seatrial.campaign.inference.filter_trace import filter_complaints
 from seatrial.campaign.inference.judge_predictions import (
@@ -31,7 +31,6 @@ from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.messages.cross_validation import complaints
 from seatrial.messages.known import known_cautions
 from seatrial.messages.render import sentences
-from seatrial.messages.structures import contenders_cautions
 from seatrial.selection.cross_validation import advice_tried
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
@@ -131,7 +130,7 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += selection.cautions
     cautions += outcome.disagreements
     if (contenders := outcome.contenders) is not None:
-        cautions += [*contenders.disagreements(selection), *contenders_cautions(contenders, selection)]
+        cautions += contenders.disagreements(selection)
     cautions += [] if outcome.cross_validation is None else complaints(outcome.cross_validation)
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign.imports, outcome.trials)
@@ -139,6 +138,7 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
     findings = accept([*failed, *(one for one in cautions if isinstance(one, Finding))], campaign.accepted)
     cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
+    averages = averaged_rows(outcome.estimates, selection)
     return Summary(
         name=campaign.name,
         chosen=chosen.structure.label,
@@ -158,8 +158,9 @@ def summarise(outcome: Outcome) -> Summary:
         pooled=outcome.pooled,
         baselines=outcome.compared,
         next_trial=NextTrial("", False, None if outcome.next is None else outcome.next.design(outcome.next.best)),
-        averaged=averaged_rows(outcome.estimates, selection),
+        averaged=averages,
         quoted=selection.quoted,
+        quote=quote_rows(selection.quoted, chosen.parameters, averages),
     )
 
 

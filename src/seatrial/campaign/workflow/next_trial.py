@@ -23,7 +23,7 @@ from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
-from seatrial.messages.structures import BETTER_EVIDENCE, condition_of, one_design
+from seatrial.messages.structures import BETTER_EVIDENCE, condition_of, trial_words
 from seatrial.selection.contenders import Contenders
 from seatrial.selection.verdict import DECIDED
 
@@ -38,7 +38,7 @@ class KnownCoefficient:
     """What is known of one coefficient, SI.
 
     Attributes:
-        mean: its value.
+        mean: the value to quote.
         sd: its standard deviation.
         shares: what that is made of.
         cause: what adds most to it if that is not the noise, in words.
@@ -51,8 +51,18 @@ class KnownCoefficient:
 
     @property
     def rest(self) -> float:
-        """The part of the standard deviation that further trials of the same kind do not narrow: all but the noise."""
-        return self.sd * float(np.sqrt(max(0.0, 1.0 - self.shares.noise)))
+        """The part of the standard deviation that no trial of the same kind narrows: all but noise and the choice of terms."""
+        return self.sd * float(np.sqrt(max(0.0, 1.0 - self.shares.noise - self.shares.terms)))
+
+    def after(self, sd: float, *, decided: bool) -> float:
+        """Return the standard deviation after a trial.
+
+        Args:
+            sd: noise that the trial leaves.
+            decided: whether the trial decides about the terms.
+        """
+        open_part = 0.0 if decided else self.sd * float(np.sqrt(self.shares.terms))
+        return min(self.sd, float(np.linalg.norm([sd, self.rest, open_part])))
 
 
 Known = Mapping[str, KnownCoefficient]
@@ -144,10 +154,15 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     if doubt and contenders is not None and (odds := settling(contenders, outcome.selection.probability)) > 1 - DECIDED:
         promise = f"it settles {' against '.join(contenders.labels)} with probability {odds:.2f} ({contenders.nats:.2g} nat expected)"
         if not unmet or odds > 0.5:
-            return _run(outcome.next, contenders.decisive, _known(outcome), _noise(outcome), standing, promise)
+            return _run(
+                outcome.next, contenders.decisive, _known(outcome), _noise(outcome), standing, promise, decides=True
+            )
     if not doubt and (stop := _beyond_trials(goal, _known(outcome))):
         return Proposal(None, standing, (stop,))
-    return _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting)
+    proposal = _most_informative(outcome.next, _known(outcome), _noise(outcome), standing, counting)
+    if contenders is None or outcome.selection.is_settled:
+        return proposal
+    return replace(proposal, advice=(*proposal.advice, trial_words(contenders, outcome.selection)))
 
 
 def before_stop(imports: ImportTable | None, goal: Goal | None, is_tested: bool) -> list[str]:
@@ -233,15 +248,15 @@ def settling(contenders: Contenders, probability: Sequence[float]) -> float:
 
 
 def _gain_words(gain: float, count: int) -> str:
-    """Return what an entropy reduction of so many nats does to one of so many coefficients.
+    """Return the effect of an entropy reduction, nats, on one of so many coefficients.
 
-    The entropy is the sum of the logarithms of the standard deviations along the axes of the covariance: exp(gain / count) is the geometric
-    mean of the factors by which these shrink, and of those of the coefficients themselves as far as their correlations stay what they were.
+    The entropy is the sum of the logarithms of the standard deviations along the axes of the covariance: exp(-gain / count) is the
+    geometric mean of their ratios after and before, and of those of the coefficients themselves if the correlations stay as they were.
     """
-    times = f"{np.exp(gain / count):.2g} times"
+    less = percent(1.0 - float(np.exp(-gain / count)))
     if count == 1:
-        return f"it shrinks the ± of the coefficient by noise alone {times} ({gain:.2f} nat)"
-    return f"it shrinks the ± of a coefficient by noise alone about {times} on average (geometric mean of {count}; {gain:.2f} nat)"
+        return f"it reduces the noise in the ± of the coefficient by {less} ({gain:.2f} nat)"
+    return f"it reduces the noise in the ± by {less} on average ({gain:.2f} nat for {count} coefficients)"
 
 
 def _noise(outcome: Outcome) -> str:
@@ -249,7 +264,7 @@ def _noise(outcome: Outcome) -> str:
 
 
 def _known(outcome: Outcome) -> Known:
-    return {row.name: KnownCoefficient(row.mean, row.sd, row.shares, row.cause) for row in outcome.summary.coefficients}
+    return {row.name: KnownCoefficient(row.mean, row.sd, row.shares, row.cause) for row in outcome.summary.quote}
 
 
 def _unmet(goal: Goal | None, known: Known) -> dict[str, float]:
@@ -323,13 +338,15 @@ def _run(
     noise: str,
     standing: tuple[str, ...],
     promise: str,
+    *,
+    decides: bool = False,
 ) -> Proposal:
     sweep = designs.best
     chosen = chosen_of(sweep, at)
     words = design_words(sweep.family, chosen.amplitude, chosen.period)
     after = dict(zip(designs.names, sweep.final_sd[at], strict=True))
     shrink = ", ".join(
-        f"{name} from {percent(one.sd / abs(one.mean))} to {percent(min(one.sd, float(np.hypot(sd, one.rest))) / abs(one.mean))}"
+        f"{name} from {percent(one.sd / abs(one.mean))} to {percent(one.after(sd, decided=decides) / abs(one.mean))}"
         for name, sd in after.items()
         if (one := known.get(name)) is not None
     )

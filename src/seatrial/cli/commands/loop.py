@@ -169,7 +169,7 @@ def _by_mode(campaign: Any, reporter: Any) -> _Found:
 
 def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.campaign.inference.baselines import comparison_lines
-    from seatrial.campaign.inference.coefficient_csv import write_averaged, write_coefficients
+    from seatrial.campaign.inference.coefficient_csv import write_coefficients, write_quote
     from seatrial.campaign.inference.judge_predictions import fit_complaints
     from seatrial.messages.effects import shares_text
     from seatrial.messages.predictions import comparison_text
@@ -179,16 +179,13 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
 
     summary = outcome.summary
     shown = outcome.campaign.shown
-    for row in summary.coefficients:
+    for row in summary.quote:
         factor, unit = shown(row.name, row.unit)
         numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit:<10}"
         answer.say(f"  {row.name:<16} {numbers} {shares_text(row.shares, row.cause)}".rstrip())
-    answer.say(f"  {outcome.chosen.contains}")
     if not outcome.own_alarms:
-        answer.say(f"  to quote: {QUOTED[summary.quoted]}")
-        for row in summary.averaged if summary.quoted == "averaged" else ():
-            factor, unit = shown(row.name, row.unit)
-            answer.say(f"    {row.name:<14} {factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit}")
+        answer.say(f"  These are the values to quote: {QUOTED[summary.quoted]}.")
+    answer.say(f"  {outcome.chosen.contains}")
     for finding in outcome.cause_findings:
         answer.say(f"  {sentence(finding)}")
     for fit in outcome.fits:
@@ -206,7 +203,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     answer.give_result(summary)
     answer.wrote("report", write_report(outcome))
     answer.wrote("coefficients", write_coefficients(folder, outcome.estimates, shown, outcome.selection))
-    answer.wrote("averaged", write_averaged(folder, summary.averaged, shown))
+    answer.wrote("quote", write_quote(folder, summary.quote, shown))
     words = sentences(fit_complaints([fit for fit in outcome.fits if not fit.advice], outcome.pooled))
     words += [comparison_text(one) for one in outcome.compared]
     answer.give_findings(summary.findings)

@@ -1,6 +1,6 @@
-"""Two campaigns side by side: each coefficient, and its difference in joint standard deviations, (a - b) / sqrt(sd_a^2 + sd_b^2).
+"""Two campaigns side by side: the value to quote of each coefficient, and its difference in joint standard deviations.
 
-Each sd holds what the models may lack: two models that are wrong do not contradict each other within their errors.
+The difference is (a - b) / sqrt(sd_a^2 + sd_b^2), and each sd contains what the models may lack.
 """
 
 from dataclasses import replace
@@ -10,7 +10,6 @@ from pathlib import Path
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.summary import Summary
@@ -22,6 +21,7 @@ from seatrial.dashboard.app_context import AppContext, markup, say
 from seatrial.dashboard.page_layout import LOOK, link, section, table
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
+from seatrial.selection.verdict import StoredAverage
 
 MOST = 12
 """Campaigns without results that are named."""
@@ -59,9 +59,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                     return
                 shown = shown_as_written(dict(written_units(folder)))
                 ours, theirs = (
-                    replace(
-                        one, coefficients=tuple(row.in_unit(*shown(row.name, row.unit)) for row in one.coefficients)
-                    )
+                    replace(one, quote=tuple(row.in_unit(*shown(row.name, row.unit)) for row in one.quote))
                     for one in (ours, theirs)
                 )
                 markup(side_by_side(ours, theirs, campaign if campaign != "." else folder.name, str(form.value)))
@@ -91,7 +89,7 @@ def nothing_beside(others: list[str], root: Path) -> Markup:
 def side_by_side(ours: Summary, theirs: Summary, here: str, there: str) -> Markup:
     """The tables of two summaries."""
     rows: dict[bool, list[list[str | Markup]]] = {True: [], False: []}
-    tables = [{row.name: row for row in one.coefficients} for one in (ours, theirs)]
+    tables = [{row.name: row for row in one.quote} for one in (ours, theirs)]
     for name in dict.fromkeys([*tables[0], *tables[1]]):
         pair = [one.get(name) for one in tables]
         known = [one for one in pair if one is not None]
@@ -129,7 +127,7 @@ def _judged(apart: float | None) -> str | Markup:
     return Markup('<span class="verdict fail">{}</span>').format(words) if abs(apart) > FAR else words
 
 
-def joint_difference(a: StoredCoefficient | None, b: StoredCoefficient | None) -> float | None:
+def joint_difference(a: StoredAverage | None, b: StoredAverage | None) -> float | None:
     """Difference of two estimates in joint standard deviations; None where one is missing, both are exact, or units differ.
 
     A campaign with an unknown mass estimates coefficients per unit of effective mass: of another dimension.

@@ -13,12 +13,14 @@ SPEED = Factor("u")
 
 @dataclass(frozen=True)
 class ErrorShares:
-    """Shares of the variance of a value: of noise, stated inputs, differences between runs, and effects that the model may lack."""
+    """Shares of the variance of a value: of noise, stated inputs, differences between runs, effects that the model may lack, and
+    differences between models in an average over them."""
 
     noise: float = 1.0
     stated: float = 0.0
     runs: float = 0.0
     model: float = 0.0
+    terms: float = 0.0
 
 
 @dataclass(frozen=True)

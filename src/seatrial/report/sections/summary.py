@@ -1,14 +1,13 @@
 """The first screen: the answer in a sentence, the values, which model, what next and what is wrong."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
-from seatrial.campaign.inference.coefficient_csv import averaged_rows
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
@@ -73,9 +72,8 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "others": others,
         "other_kinds": other_kinds([row["name"] for row in others]),
         "several": len(outcome.estimates) > 1,
-        "has_average": any(row["differs"] or row["quoted"] == "average" for row in rows),
-        "quoted": "" if outcome.own_alarms else QUOTED[outcome.selection.quoted],
-        "value_head": "Chosen model" if len(outcome.estimates) > 1 else "Value ± sd",
+        "other_head": _other_values(outcome)[0] if any(row["other"] != row["value"] for row in rows) else "",
+        "quoted": "" if outcome.own_alarms else QUOTED[outcome.summary.quoted],
         "has_truth": bool(truth_of(outcome)),
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
@@ -225,35 +223,37 @@ def other_kinds(names: Sequence[str]) -> str:
 
 
 def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return a row of each coefficient, and of each other parameter."""
-    chosen, means = outcome.chosen, {row.name: row for row in averaged_rows(outcome.estimates, outcome.selection)}
-    terms, inclusion = chosen.structure.terms, outcome.selection.inclusion
-    lacking = [name for name in means if name not in chosen.names and inclusion.get(name, 0.0) >= RARE]
-    vehicle = [*(name for name in chosen.names if name in terms), *lacking]
-    others = [name for name in chosen.names if name not in terms]
-    return [_row(outcome, name, means[name]) for name in vehicle], [_row(outcome, name, means[name]) for name in others]
+    """Return a row of each coefficient, and of each other parameter: those of the chosen model, and others that are not improbable."""
+    quote = {row.name: row for row in (*outcome.summary.averaged, *outcome.summary.quote)}
+    terms, inclusion = outcome.chosen.structure.terms, outcome.selection.inclusion
+    own = outcome.chosen.names
+    lacking = [name for name in quote if name not in own and inclusion.get(name, 0.0) >= RARE]
+    vehicle, others = [*(name for name in own if name in terms), *lacking], [name for name in own if name not in terms]
+    return [_row(outcome, name, quote) for name in vehicle], [_row(outcome, name, quote) for name in others]
 
 
-def _row(outcome: Outcome, name: str, average: StoredAverage) -> dict[str, Any]:
-    """Return a row of the table; `quoted` names the cell of the value to quote, and is empty if there is none."""
-    digits, item = (
-        digits_of(outcome)[name],
-        next((row for row in outcome.summary.coefficients if row.name == name), None),
-    )
-    truth, factor = truth_of(outcome), factors_of(outcome)[name]
-    quoted = "average" if outcome.selection.quoted == "averaged" else "value"
-    value = digits.pair(factor * item.mean, factor * item.sd) if item else ""
-    mean = digits.pair(factor * average.mean, factor * average.sd)
+def _other_values(outcome: Outcome) -> tuple[str, dict[str, tuple[float, float]]]:
+    """Return the heading of the values that are not those to quote, and their means and standard deviations."""
+    summary = outcome.summary
+    if summary.quoted == "averaged":
+        return "Chosen model", {row.name: (row.mean, row.sd) for row in summary.coefficients}
+    return "Averaged", {row.name: (row.mean, row.sd) for row in summary.averaged}
+
+
+def _row(outcome: Outcome, name: str, quote: Mapping[str, StoredAverage]) -> dict[str, Any]:
+    """Return a row of the table: the value to quote, what its ± is made of, and the value of the other kind."""
+    digits, factor, truth = digits_of(outcome)[name], factors_of(outcome)[name], truth_of(outcome)
+    item, other = quote[name], _other_values(outcome)[1].get(name)
+    is_quoted = any(row.name == name for row in outcome.summary.quote)
+    outside = is_quoted and name in truth and not factor * item.lower_95 <= truth[name] <= factor * item.upper_95
     return {
         "name": name,
         **unit_row(outcome, name),
-        "quoted": "" if outcome.own_alarms else quoted,
-        "value": value,
-        "made_of": name_html(shares_text(item.shares, item.cause), labels_of(outcome)) if item else "",
-        "average": mean,
-        "differs": mean != value,
+        "value": digits.pair(factor * item.mean, factor * item.sd) if is_quoted else "",
+        "made_of": name_html(shares_text(item.shares, item.cause), labels_of(outcome)) if is_quoted else "",
+        "other": digits.pair(factor * other[0], factor * other[1]) if other else "",
         "truth": digits.bare(truth[name]) if name in truth else "",
-        "outside": bool(item and name in truth and not factor * item.lower_95 <= truth[name] <= factor * item.upper_95),
+        "outside": bool(outside),
     }
 
 
