@@ -4,7 +4,7 @@ from pathlib import Path
 
 from generate.reference import PAGES
 
-KEPT = ("reference/campaign_file", "dev/json")
+KEPT = ("reference/campaign_file", "reference/command_line", "reference/coefficients", "dev/json")
 """Every key of a campaign file, from the schema that reads it; every key of what `--json` prints."""
 
 if __name__ == "__main__":
