@@ -5,7 +5,7 @@ on new runs. Vehicles with a late thruster, a backlash, waves, a drifting curren
 stated, and more, are simulated by a plain loop that shares no code with seatrial. Three runs of each are fitted by a model that lacks the
 effect. For the bands three new ones are predicted, the verdict is read, and what it claims is checked on further runs, which neither the
 fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes a table in
-docs/dev/held_back.md; that of the coefficients is in docs/validation.md too.
+docs/dev/held_back.md.
 """
 
 import argparse
@@ -337,10 +337,9 @@ def _write(table: str, rows: list[str]) -> None:
     head = HEADS[table]
     start, end = f"<!-- results: python docs/held_back.py {table} -->\n", "<!-- end of results -->"
     lines = [head, "|" + "---|" * (head.count("|") - 1), *rows]
-    for page in (HERE / "dev" / "held_back.md", HERE / "validation.md"):
-        before, found, after = page.read_text().partition(start)
-        if found:
-            write_text(page, f"{before}{start}\n" + "\n".join(lines) + f"\n\n{end}" + after.split(end, 1)[1])
+    page = HERE / "dev" / "held_back.md"
+    before, _, after = page.read_text().partition(start)
+    write_text(page, f"{before}{start}\n" + "\n".join(lines) + f"\n\n{end}" + after.split(end, 1)[1])
 
 
 if __name__ == "__main__":

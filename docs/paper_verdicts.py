@@ -17,9 +17,14 @@ def page(study: dict) -> str:
     counts = Counter(item["verdict"] for item in study["items"])
     sizes = study["sizes"]
     lines = [
-        "# Verdict on each item of the paper",
+        "# Replication: every verdict",
         "",
         "The paper is *Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle*.",
+        "",
+        "- *Reproduced*: the numbers or the statement hold here too.",
+        "- *Not comparable*: numbers, inputs or seeds are not printed, a formula is misprinted, the paper shows no "
+        "result, or the trial cannot show the stated advantage.",
+        "- *Contradicted*: the result differs from the printed one, or cannot be as printed.",
         "",
         f"`python docs/paper_verdicts.py` writes this page from the results of `python -m studies.remus100` (version "
         f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has "
@@ -45,4 +50,4 @@ if __name__ == "__main__":
     study = Path(sys.argv[1])
     write_text(PAGE, page(json.loads((study / "paper.json").read_text(encoding="utf-8"))))
     for name in PICTURES:
-        shutil.copy(study / "figures" / f"{name}.svg", PAGE.with_name(f"paper-{name}.svg"))
+        shutil.copy(study / "figures" / f"{name}.svg", PAGE.parents[1] / "explanation" / f"paper-{name}.svg")

@@ -28,7 +28,7 @@ def figure_3(study: Study) -> Item:
     return Item(
         "figure-3",
         "Figure 3: entropy reduction over amplitude and period",
-        "reproduced in shape" if at_ten else "differs",
+        "not comparable" if at_ten else "contradicted",
         f"the window is not printed: with 20 s a ridge lies at {_list(ridges(short[-1]))} s, with "
         f"{ACTIVE['medium']:g} s at "
         f"{_list(ridges(study.part('sweep-medium')['gain'].values[-1]))} s, so the preference for 10 s comes from "
@@ -47,7 +47,7 @@ def figure_4(study: Study) -> Item:
     return Item(
         "figure-4",
         "Figure 4: the doublet of 10 s",
-        "reproduced in shape" if active < 0.5 and tail > 0.5 else "differs",
+        "not comparable" if active < 0.5 and tail > 0.5 else "contradicted",
         f"no number is printed: during the doublets the standard deviations fall to {active:.2f} or less of their values at "
         f"2 s; in the quiet time after them they keep {tail:.2f} or more of their values at its beginning",
         (
@@ -75,7 +75,7 @@ def relay(study: Study) -> Item:
     return Item(
         "relay",
         "The self-oscillating test beside the doublet",
-        "reproduced in shape" if as_good else "differs",
+        "not comparable" if as_good else "contradicted",
         f"the paper names the test and shows no result: the best test (+-{amplitude:.0f} rpm, reversed at +-{threshold:.2f} "
         f"m/s) gains {best:.2f} nat, the "
         f"doublet of 10 s {doublet[-1, _at(10.0)]:.2f} and the best doublet {doublet.max():.2f}{unreached}",
@@ -99,7 +99,7 @@ def claim_amplitude(study: Study) -> Item:
     return Item(
         "claim-amplitude",
         "Larger doublets always teach more",
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         "" if holds else f"in {1 - min(shares.values()):.1%} of the steps of the grid they teach less",
         tuple(
             Number(f"{window:g} s window: share of steps that add information", None, value)
@@ -119,7 +119,7 @@ def claim_ten_seconds(study: Study) -> Item:
     return Item(
         "claim-ten-seconds",
         "Information peaks near a period of 10 s",
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         ""
         if holds
         else "the most informative period is "
@@ -146,7 +146,7 @@ def claim_ridges(study: Study) -> Item:
     return Item(
         "claim-ridges",
         "Ridges lie where one whole doublet fewer fits",
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         ""
         if holds
         else f"{explained.count(False)} of {len(explained)} ridges do not"
@@ -169,7 +169,7 @@ def claim_quiet_time(study: Study) -> Item:
     return Item(
         "claim-quiet-time",
         "A long quiet time makes the jumps smaller",
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         ""
         if holds
         else "the largest drop from one period to the next is "

@@ -165,7 +165,7 @@ def _item(study: Study, key: str, extra: list[tuple[str, str, float, float]]) ->
     return Item(
         key,
         TITLES[key],
-        "cannot hold" if apart else "reproduced in shape",
+        "contradicted" if apart else "not comparable",
         "; ".join(apart) or REASONS[key],
         tuple(numbers),
         {"reading": study.reading.name, "sampled_with_seed": DRAWS_SEED, "data_seed": 1},

@@ -199,7 +199,7 @@ def listing_1(study: Study) -> Item:
     return Item(
         "listing-1",
         "Listing 1: the Bayes factor algorithm",
-        "reproduced" if stable else "cannot hold",
+        "reproduced" if stable else "contradicted",
         ""
         if stable
         else f"of {study.sizes.listing_draws} prior draws {min(sizes):.1f} are effective: over the seeds, {shares[0]:.0%} "
@@ -241,7 +241,7 @@ def odds(study: Study) -> Item:
     return Item(
         "odds",
         "What the data do say about the doubted term",
-        "reproduced" if printed else "cannot hold" if undecided else "differs",
+        "reproduced" if printed else "contradicted",
         ""
         if printed
         else f"at the first two values the mean probability of M-0 is {p[0].mean():.3f} and {p[1].mean():.3f}"
@@ -354,7 +354,7 @@ def _table(study: Study, table: int) -> Item:
         Number("P(M-0) by Listing 1, mean over seeds", printed, float(listing["probability"][:, 0].mean())),
     ]
     settled: Verdict = (
-        "reproduced" if ess >= MIN_ESS and (printed is None or abs(p - printed) < 3 * error + 0.02) else "cannot hold"
+        "reproduced" if ess >= MIN_ESS and (printed is None or abs(p - printed) < 3 * error + 0.02) else "contradicted"
     )
     roman = "IV" if table == 4 else "V"
     preferred = "neither model" if abs(p - 0.5) < UNDECIDED_MARGIN else "M-0" if p > 0.5 else "M-1"

@@ -26,7 +26,7 @@ def table_1(study: Study) -> Item:
     return Item(
         "table-1",
         "Table I: EKF, UKF and SRUKF estimates",
-        "reproduced in shape" if shape else "differs",
+        "not comparable" if shape else "contradicted",
         f"the input is not printed: with steps of {study.reading.steps / RPM:.0f} rpm held for {HOLD:g} s the three estimates lie "
         f"within {_apart(data):.2f} standard deviations; these are {sds[0]:.2f}, {sds[1]:.2f} and {sds[2]:.2f}; the standard "
         "deviations printed for T, 0.01 by the SRUKF and 0.10 by the UKF, cannot both be right, because the two are the same filter",
@@ -42,7 +42,7 @@ def table_2(study: Study) -> Item:
     sd, sd_c = (_mean(data, name, "final_sd")[0] for name in TABLE_2)
     closer = _rms(study, "SRUKF-C")[0] < _rms(study, "SRUKF")[0]
     same = abs(np.log(sd_c / sd)) < np.log(1.1)
-    verdict: Verdict = "reproduced" if closer and same else ("differs" if closer else "cannot hold")
+    verdict: Verdict = "reproduced" if closer and same else "contradicted"
     because = (
         ""
         if verdict == "reproduced"
@@ -71,7 +71,7 @@ def figure_1(study: Study) -> Item:
     return Item(
         "figure-1",
         "Figure 1: responses and estimates of the three filters",
-        "reproduced in shape" if levels and follows else "differs",
+        "not comparable" if levels and follows else "contradicted",
         "seed and input are not printed: the estimates settle and the standard deviations level off as drawn"
         if levels and follows
         else f"standard deviations at 15 s are up to {max(settled.values()):.2f} of those at 1 s, and u is missed by "
@@ -87,7 +87,7 @@ def figure_2(study: Study) -> Item:
     return Item(
         "figure-2",
         "Figure 2: SRUKF and SRUKF-C",
-        "reproduced in shape" if early > 0.8 else "differs",
+        "not comparable" if early > 0.8 else "contradicted",
         f"seed and input are not printed: {early:.0%} of the clipping falls in the first 5 s",
         (Number("share of clipping in the first 5 s", None, early),),
         _settings(study) | {"seed": FIRST_SEED},
@@ -144,7 +144,6 @@ def claim_ekf_better(study: Study) -> Item:
         "one seed",
         numbers,
         study,
-        otherwise="differs",
     )
 
 
@@ -162,7 +161,7 @@ def claim_stability(study: Study) -> Item:
         f"in {study.sizes.filter_seeds} trials, so no advantage shows here",
         [Number(f"{name}, samples without a positive covariance", None, value) for name, value in failures.items()],
         study,
-        otherwise="reproduced in shape" if failures["SRUKF"] == 0 else "cannot hold",
+        otherwise="not comparable" if failures["SRUKF"] == 0 else "contradicted",
     )
 
 
@@ -195,7 +194,6 @@ def claim_transient(study: Study) -> Item:
             for name, value in error.items()
         ],
         study,
-        otherwise="differs",
     )
 
 
@@ -206,7 +204,7 @@ def claim_only_square_root(study: Study) -> Item:
     return Item(
         "claim-only-square-root",
         "Only the square-root form can be constrained",
-        "cannot hold" if positive else "reproduced in shape",
+        "contradicted" if positive else "reproduced",
         "P = sum of weighted squares + Q is positive definite for any points if the weights (alpha = 1) and Q are "
         "positive; both forms compute the same P, and its smallest standard deviation under clipping was "
         f"{smallest:.1e}"
@@ -224,7 +222,7 @@ def _claim(
     because: str,
     numbers: list[Number],
     study: Study,
-    otherwise: Verdict = "differs",
+    otherwise: Verdict = "contradicted",
 ) -> Item:
     verdict: Verdict = "reproduced" if holds else otherwise
     return Item(key, title, verdict, "" if holds else because, tuple(numbers), _settings(study))

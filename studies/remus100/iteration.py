@@ -167,7 +167,7 @@ def iteration(study: Study) -> Item:
     return Item(
         "iteration",
         "Section V: the two stages repeated",
-        "reproduced in shape" if holds else "differs",
+        "not comparable" if holds else "contradicted",
         f"the paper proposes it and shows no result: after one trial the sd of {doubted} is {sds[FITS[0]]:.2f} and P(M-0) "
         f"{p[FITS[0]][0]:.2f}; the best second trial "
         f"({best}) brings them to {sds[FITS[2]]:.2f} and {p[FITS[2]][0]:.3f}, the first trial repeated only to "
@@ -203,7 +203,7 @@ def readings(study: Study) -> Item:
     return Item(
         "readings",
         "Readings A and B of the unprinted units",
-        "reproduced in shape" if spread < 0.05 else "differs",
+        "not comparable" if spread < 0.05 else "contradicted",
         f"units of T and n are not printed: under B the same rpm excite the vehicle less, and standard deviations are {ratio:.2f} "
         f"times those under A; those under A are nearer to the tables; P(M-0) moves by {2 * spread:.3f} at most"
         + (

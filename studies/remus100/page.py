@@ -34,9 +34,8 @@ if TYPE_CHECKING:
 # Class of the badge of each verdict.
 LOOKS: dict[Verdict, str] = {
     "reproduced": "reproduced",
-    "reproduced in shape": "shape",
-    "differs": "differs",
-    "cannot hold": "cannot",
+    "not comparable": "open",
+    "contradicted": "contradicted",
 }
 UNITS = {"s": "s", "rpm": "rpm"}  # Units at the end of a setting's name
 DIGITS, PRINTED_DIGITS = 4, 6

@@ -15,7 +15,7 @@ from seatrial.core.files import sha256_of_json
 from seatrial.core.reporter import SILENT, Progress, Reporter
 from studies.remus100.reading import Reading
 
-Verdict = Literal["reproduced", "reproduced in shape", "differs", "cannot hold"]
+Verdict = Literal["reproduced", "not comparable", "contradicted"]
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class Item:
         key: name for `--only`, such as `table-1`.
         title: what it is.
         verdict: judgement.
-        because: reason, one sentence; empty for what is reproduced.
+        because: reason, one sentence; may be empty if the item is reproduced.
         numbers: what was compared.
         settings: how it was computed, seeds included.
     """
@@ -164,7 +164,7 @@ class Item:
     @property
     def words(self) -> str:
         """The verdict in one line."""
-        return f"{self.verdict}, because {self.because}" if self.because else self.verdict
+        return f"{self.verdict}: {self.because}" if self.because else self.verdict
 
     def as_json(self) -> dict[str, Any]:
         """Everything, JSON-able."""

@@ -97,7 +97,7 @@ def claim_noise(study: Study) -> Item:
     return Item(
         "claim-noise",
         "R can be had from the data by high-pass filtering",
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         ""
         if holds
         else f"the high-pass estimates {sd[0]:.3f} and {sd[1]:.3f} miss the true {true:g} by more than three errors",
@@ -132,7 +132,7 @@ def _item(study: Study, key: str, title: str, holds: bool, pairs: dict[str, tupl
     return Item(
         key,
         title,
-        "reproduced" if holds else "differs",
+        "reproduced" if holds else "contradicted",
         "" if holds else words,
         tuple(numbers),
         {

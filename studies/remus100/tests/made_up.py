@@ -21,7 +21,7 @@ SD = np.array([0.4, 0.2, 0.1])
 DOUBTED = (*NAMES, "X_du3")
 FILTERS = ("EKF", "UKF", "SRUKF", "SRUKF-C")
 METHODS = ("importance sampling", "bridge sampling")
-VERDICTS = ("reproduced", "reproduced in shape", "differs", "cannot hold")
+VERDICTS = ("reproduced", "not comparable", "contradicted")
 
 
 def trial(time: np.ndarray) -> dict[str, tuple]:

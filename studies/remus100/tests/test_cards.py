@@ -9,7 +9,7 @@ from studies.remus100.tests.studies import A
 
 
 def printed(*numbers: Number, **settings):
-    return card(Item("table-3", "A title", "differs", "", numbers, settings), A)
+    return card(Item("table-3", "A title", "contradicted", "", numbers, settings), A)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from studies.remus100.registry import ENTRIES
 from studies.remus100.tests.made_up import BUILD, PRINTED, SD, change, evidence, made_up_study, sweep
 
-SHAPE, DIFFERS, NO = "reproduced in shape", "differs", "cannot hold"
+OPEN, NO = "not comparable", "contradicted"
 SETTLED = ("figure-5",)
 """What needs no data: a drawing of the model itself."""
 
@@ -42,85 +42,85 @@ FEWER_WITH_AMPLITUDE = change("gain", lambda gain: gain[::-1])
 CONTRARY = {
     "equations-2": [(NO, {"equations": put("ours", 0, -0.4000001)})],
     "vehicle": [
-        (DIFFERS, {"vehicle": change("linear", lambda x: x + 0.05)}),
-        (DIFFERS, {"vehicle": change("surge", lambda x: x + np.linspace(0, 0.05, x.size))}),
+        (NO, {"vehicle": change("linear", lambda x: x + 0.05)}),
+        (NO, {"vehicle": change("surge", lambda x: x + np.linspace(0, 0.05, x.size))}),
     ],
     "table-1": [
-        (DIFFERS, {"filters": put("final_mean", 0, PRINTED + SD)}),
-        (DIFFERS, {"filters": change("final_sd", lambda sd: 3 * sd)}),
+        (NO, {"filters": put("final_mean", 0, PRINTED + SD)}),
+        (NO, {"filters": change("final_sd", lambda sd: 3 * sd)}),
     ],
     "figure-1": [
-        (DIFFERS, {"filters": put("sd", ..., SD)}),
-        (DIFFERS, {"filters": put("u", np.s_[1, 800], 9.0)}),
+        (NO, {"filters": put("sd", ..., SD)}),
+        (NO, {"filters": put("u", np.s_[1, 800], 9.0)}),
     ],
-    "claim-filters-equal": [(DIFFERS, {"filters": put("final_mean", 1, PRINTED + SD)})],
-    "claim-ekf-faster": [(DIFFERS, {"filters": put("seconds", 0, 0.05)})],
+    "claim-filters-equal": [(NO, {"filters": put("final_mean", 1, PRINTED + SD)})],
+    "claim-ekf-faster": [(NO, {"filters": put("seconds", 0, 0.05)})],
     "claim-ekf-better": [
-        (DIFFERS, {"filters": put("relative_error", np.s_[0, :, 2], 0.2)}),
-        (DIFFERS, {"filters": put("relative_error", np.s_[0, :, 14], 0.3)}),
+        (NO, {"filters": put("relative_error", np.s_[0, :, 2], 0.2)}),
+        (NO, {"filters": put("relative_error", np.s_[0, :, 14], 0.3)}),
     ],
     "claim-stability": [
-        (SHAPE, {"filters": put("failures", 1, 0)}),
+        (OPEN, {"filters": put("failures", 1, 0)}),
         (NO, {"filters": put("failures", 2, 1)}),
     ],
     "table-2": [
-        (DIFFERS, {"filters": put("final_sd", 3, 0.5 * SD)}),
+        (NO, {"filters": put("final_sd", 3, 0.5 * SD)}),
         (NO, {"filters": change("final_mean", lambda x: PRINTED + (x - PRINTED) * [[[1]], [[1]], [[1]], [[2]]])}),
     ],
-    "figure-2": [(DIFFERS, {"filters": LATE})],
-    "claim-clipping": [(DIFFERS, {"filters": LATE})],
-    "claim-transient": [(DIFFERS, {"filters": put("early_udot_error", 3, 0.05)})],
-    "claim-only-square-root": [(SHAPE, {"filters": put("smallest_sd", 3, 0.0)})],
-    "relay": [(DIFFERS, {"relay": put("gain", (0, 0), 19.0)})],
-    "claim-large-p": [(DIFFERS, {"tuning": put(name, 1, 0.5)}) for name in ("error", "travelled", "sd")],
+    "figure-2": [(NO, {"filters": LATE})],
+    "claim-clipping": [(NO, {"filters": LATE})],
+    "claim-transient": [(NO, {"filters": put("early_udot_error", 3, 0.05)})],
+    "claim-only-square-root": [("reproduced", {"filters": put("smallest_sd", 3, 0.0)})],
+    "relay": [(NO, {"relay": put("gain", (0, 0), 19.0)})],
+    "claim-large-p": [(NO, {"tuning": put(name, 1, 0.5)}) for name in ("error", "travelled", "sd")],
     "claim-large-q": [
-        (DIFFERS, {"tuning": put("residual", 2, 3.0)}),
-        (DIFFERS, {"tuning": put("error", 2, 0.5)}),
+        (NO, {"tuning": put("residual", 2, 3.0)}),
+        (NO, {"tuning": put("error", 2, 0.5)}),
     ],
     "claim-large-r": [
-        (DIFFERS, {"tuning": put("error_at_3_s", 3, 0.5)}),
-        (DIFFERS, {"tuning": put("error", 3, 0.5)}),
+        (NO, {"tuning": put("error_at_3_s", 3, 0.5)}),
+        (NO, {"tuning": put("error", 3, 0.5)}),
     ],
-    "claim-noise": [(DIFFERS, {"tuning": put("noise", 1, 0.11)})],
+    "claim-noise": [(NO, {"tuning": put("noise", 1, 0.11)})],
     "equations-3": [
         (NO, {"equations": put("ours", 1, 4.00000001)}),
         (NO, {"equations": put("ours", 2, 4.2)}),
     ],
     "figure-3": [
-        (DIFFERS, {"sweep-short": replaced(sweep(9.0, 0.1))}),
-        (DIFFERS, {"sweep-short": FEWER_WITH_AMPLITUDE}),
+        (NO, {"sweep-short": replaced(sweep(9.0, 0.1))}),
+        (NO, {"sweep-short": FEWER_WITH_AMPLITUDE}),
     ],
-    "claim-amplitude": [(DIFFERS, {"sweep-long": FEWER_WITH_AMPLITUDE})],
-    "claim-ten-seconds": [(DIFFERS, {"sweep-long": replaced(sweep(15.0, 0.3))})],
+    "claim-amplitude": [(NO, {"sweep-long": FEWER_WITH_AMPLITUDE})],
+    "claim-ten-seconds": [(NO, {"sweep-long": replaced(sweep(15.0, 0.3))})],
     "claim-ridges": [
-        (DIFFERS, {"sweep-medium": replaced(sweep(9.0, 0.2))}),
-        (DIFFERS, {f"sweep-{window}": no_ridges for window in ("short", "medium", "long")}),
+        (NO, {"sweep-medium": replaced(sweep(9.0, 0.2))}),
+        (NO, {f"sweep-{window}": no_ridges for window in ("short", "medium", "long")}),
     ],
-    "claim-quiet-time": [(DIFFERS, {"sweep-short": replaced(sweep(10.0, 0.4))})],
+    "claim-quiet-time": [(NO, {"sweep-short": replaced(sweep(10.0, 0.4))})],
     "figure-4": [
-        (DIFFERS, {"chosen-doublet": put("sd", ..., SD)}),
-        (DIFFERS, {"chosen-doublet": change("sd", lambda sd: sd * np.linspace(1, 0, 6000)[:, None])}),
+        (NO, {"chosen-doublet": put("sd", ..., SD)}),
+        (NO, {"chosen-doublet": change("sd", lambda sd: sd * np.linspace(1, 0, 6000)[:, None])}),
     ],
-    "claim-single-pass": [(DIFFERS, {"sweep-medium": put("seconds", ..., 100.0)})],
+    "claim-single-pass": [(NO, {"sweep-medium": put("seconds", ..., 100.0)})],
     "equations-4": [
         (NO, {"equations": put("ours", 3, 2.1)}),
         (NO, criteria(-1000.1, -996, 4, -1004, -1000, -1000)),
         (NO, criteria(-1000, -995.9, 4, -1004, -1000, -1000)),
     ],
-    "table-3": [(DIFFERS, {"chain-3": FAR}), (DIFFERS, {"chain-3": APART})],
-    "figure-6": [(DIFFERS, {"chain-3": put("geweke", np.s_[:6], 2.5)}), (DIFFERS, {"chain-3": APART})],
+    "table-3": [(NO, {"chain-3": FAR}), (NO, {"chain-3": APART})],
+    "figure-6": [(NO, {"chain-3": put("geweke", np.s_[:6], 2.5)}), (NO, {"chain-3": APART})],
     "claim-near-normal": [
-        (DIFFERS, {"chain-3": FAR}),
-        (DIFFERS, {"chain-3": change("draws", np.exp)}),
+        (NO, {"chain-3": FAR}),
+        (NO, {"chain-3": change("draws", np.exp)}),
     ],
     "claim-sampler": [
-        (DIFFERS, {"chain-3-metropolis": put("seconds", ..., 20.0)}),
-        (DIFFERS, {"chain-3-metropolis": FAR}),
+        (NO, {"chain-3-metropolis": put("seconds", ..., 20.0)}),
+        (NO, {"chain-3-metropolis": FAR}),
     ],
     "claim-start": [
-        (DIFFERS, {"starts": put("height", np.s_[1, :5], -1e4)}),
+        (NO, {"starts": put("height", np.s_[1, :5], -1e4)}),
         ("reproduced", {"starts": put("height", 0, -1e4)}),
-        (DIFFERS, {"starts": put("height", 1, -1e4)}),
+        (NO, {"starts": put("height", 1, -1e4)}),
     ],
     "listing-1": [(NO, {"listing-5": put("ess", ..., 1.0)})],
     "table-4": [
@@ -132,28 +132,28 @@ CONTRARY = {
         (NO, {"evidence-5": replaced(evidence(0.4))}),
     ],
     "odds": [
-        (DIFFERS, {"odds": put("probability", 0, 0.8)}),
+        (NO, {"odds": put("probability", 0, 0.8)}),
         ("reproduced", {"odds": put("probability", np.s_[:2], [[0.46, 0.465, 0.47], [0.54, 0.55, 0.56]])}),
     ],
     "table-6": [
-        (DIFFERS, {"chain-6-reduced": put("sd", 1, 0.6)}),
-        (DIFFERS, {"chain-6-reduced": put("mean", 1, 3.0)}),
-        (DIFFERS, {"chain-6-full": APART}),
+        (NO, {"chain-6-reduced": put("sd", 1, 0.6)}),
+        (NO, {"chain-6-reduced": put("mean", 1, 3.0)}),
+        (NO, {"chain-6-full": APART}),
     ],
-    "figure-7": [(DIFFERS, {"chain-6-full": APART})],
-    "figure-8": [(DIFFERS, {"chain-6-reduced": APART})],
+    "figure-7": [(NO, {"chain-6-full": APART})],
+    "figure-8": [(NO, {"chain-6-reduced": APART})],
     "claim-extra-term": [
-        (DIFFERS, {"chain-6-full": put("sd", 3, 0.1)}),
-        (DIFFERS, {"chain-6-full": put("sd", 3, 100.0)}),
+        (NO, {"chain-6-full": put("sd", 3, 0.1)}),
+        (NO, {"chain-6-full": put("sd", 3, 100.0)}),
     ],
-    "claim-tighter": [(DIFFERS, {"chain-6-reduced": put("sd", 0, 0.6)})],
+    "claim-tighter": [(NO, {"chain-6-reduced": put("sd", 0, 0.6)})],
     "claim-criteria-favour": [
-        (DIFFERS, criteria(-999, -995, 4, -1003, -999, -999)),
-        (DIFFERS, criteria(-998, -993, 5, -1003, -998, -998)),
+        (NO, criteria(-999, -995, 4, -1003, -999, -999)),
+        (NO, criteria(-998, -993, 5, -1003, -998, -998)),
     ],
-    "claim-criteria-insensitive": [(DIFFERS, criteria(-900, -896, 4, -904, -900, -900))],
-    "iteration": [(DIFFERS, {"iteration": put("full_sd", 2, 5.0)})],
-    "readings": [(DIFFERS, {"readings": put("probability", np.s_[1, 0], 0.9)})],
+    "claim-criteria-insensitive": [(NO, criteria(-900, -896, 4, -904, -900, -900))],
+    "iteration": [(NO, {"iteration": put("full_sd", 2, 5.0)})],
+    "readings": [(NO, {"readings": put("probability", np.s_[1, 0], 0.9)})],
 }
 CASES = [(key, *case) for key, cases in CONTRARY.items() for case in cases]
 
@@ -165,7 +165,7 @@ def judged(key, changes=None, **options):
 def check(item, key):
     """What every item owes the reader, whatever its verdict."""
     assert item.key == key
-    assert bool(item.because) == (item.verdict != "reproduced")
+    assert item.because or item.verdict == "reproduced"
     assert all(isfinite(number.found) and number.error >= 0 for number in item.numbers)
     assert item.settings
     assert json.loads(json.dumps(item.as_json(), allow_nan=False))["verdict"] == item.verdict
@@ -177,7 +177,7 @@ def test_agreeing_results(key):
     item = judged(key)
     check(item, key)
     assert (item.verdict == NO) == (key in ("claim-only-square-root", "odds"))
-    assert item.verdict in ("reproduced", SHAPE, NO)
+    assert item.verdict in ("reproduced", OPEN, NO)
 
 
 @pytest.mark.parametrize(("key", "verdict", "changes"), CASES)

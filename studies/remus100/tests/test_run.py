@@ -11,7 +11,7 @@ from studies.remus100.tests.studies import TINY, A, B
 
 ITEMS = ("equations-3", "figure-4")
 PARTS = ["chosen-doublet.nc", "equations.nc"]
-VERDICTS = {"reproduced", "reproduced in shape", "differs", "cannot hold"}
+VERDICTS = {"reproduced", "not comparable", "contradicted"}
 
 
 class Heard:

@@ -105,7 +105,7 @@ class VehicleTable(Table):
         description="moments of inertia I_xx, I_yy, I_zz about the body's origin",
     )
     products: Several[Inertia] | None = Field(
-        default=None, min_length=3, max_length=3, description="products of inertia I_xy, I_yz, I_xz"
+        default=None, min_length=3, max_length=3, description="products of inertia I_xy, I_xz, I_yz"
     )
     centre_of_gravity: Several[Metres] | None = Field(
         default=None,
