@@ -47,6 +47,7 @@ pythons: $(VENV)/ready
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python docs/style.py
 
 types: $(VENV)/ready
 	$(BIN)/basedpyright

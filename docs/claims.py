@@ -47,7 +47,7 @@ def unshown() -> list[str]:
     for page in pages():
         name = page.relative_to(ROOT).as_posix()
         entries = registered.get(name, {})
-        for number, heading, line in _prose(page, whole="*" in entries):
+        for number, heading, line in prose(page, whole="*" in entries):
             covered = heading in entries or any(phrase in line for phrase in entries)
             if re.search(r"\d", _NOT_A_FIGURE.sub("", line)) and not covered:
                 found.append(f"{name}:{number}: {line.strip()}")
@@ -82,7 +82,7 @@ def _missing(shown: str) -> list[str]:
     return missing
 
 
-def _prose(page: Path, whole: bool) -> list[tuple[int, str, str]]:
+def prose(page: Path, whole: bool) -> list[tuple[int, str, str]]:
     """Return number, heading and text of the lines that people wrote, without code.
 
     `whole`: a command writes all after `<!-- results -->`, or the page.

@@ -1,4 +1,4 @@
-"""The skeletons that CONTRIBUTING.md offers to be copied keep the promises of their families."""
+"""The skeletons that docs/dev/map.md offers to be copied keep the promises of their families."""
 
 import importlib.util
 from pathlib import Path
@@ -85,4 +85,4 @@ def test_exporter_states_what_it_carries(tmp_path):
 @pytest.mark.parametrize("path", sorted(SKELETONS.glob("*.py")), ids=lambda path: path.stem)
 def test_every_skeleton_is_tried_here_and_named_in_the_guide(path):
     assert path.stem in ("filter", "sampler", "manoeuvre", "reader", "exporter")
-    assert f"docs/skeletons/{path.name}" in (SKELETONS.parents[1] / "CONTRIBUTING.md").read_text()
+    assert f"docs/skeletons/{path.name}" in (SKELETONS.parents[1] / "docs" / "dev" / "map.md").read_text()

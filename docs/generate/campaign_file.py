@@ -14,24 +14,67 @@ from seatrial.manoeuvres.shapes import SHAPES
 
 INTRODUCTION = """# campaign.toml
 
-A campaign is a folder with this file in it. Here is every key, table by table, as the code reads it (`python docs/kept_reference.py`
-writes this page). `seatrial init DIR --template NAME` writes a commented file to start from.
+A campaign is a folder with this file. `seatrial init DIR --template NAME` writes a commented one.
+The code writes this page (`python docs/kept_reference.py`).
 
-- A quantity with a dimension is text with a unit, such as `"200 rpm"`. A plain number is SI, in the unit of the coefficient.
-- A key without a default is optional unless "required" stands there.
-- `seatrial schema > DIR/campaign.schema.json` lets an editor complete the keys, show their meaning and mark mistakes. The first line of a
+The shortest file that fits a log:
+
+```toml
+[campaign]
+name = "My vehicle, surge"
+seed = 1
+
+[vehicle]
+name = "my vehicle"
+mass = "30 kg"
+fixed = { X_udot = -1.0 }
+trim = { u = "1.5 m/s", n = "1000 rpm" }
+
+[structure]
+always = ["X_uabsu", "T_nabsn"]
+optional = ["X_u"]
+
+[prior]
+X_u = { distribution = "uniform", lower = -20.0, upper = 0.0 }
+X_uabsu = { distribution = "uniform", lower = -50.0, upper = 0.0 }
+T_nabsn = { distribution = "uniform", lower = 0.0, upper = 0.2, unit = "N/(rev/s)^2" }
+sigma_u = { distribution = "log-uniform", lower = 0.002, upper = 0.2 }
+
+[sensors]
+u = { noise = "0.05 m/s" }
+
+[import]
+fit = ["1"]
+
+[[import.files]]
+path = "log_{run}.csv"
+time = { column = "t", unit = "s" }
+channels.u = { column = "speed", unit = "m/s" }
+channels.n = { column = "propeller", unit = "rpm" }
+```
+
+A file that designs a trial has `[design]` instead of `[import]`. With `[truth]` a campaign simulates its trials; it then has no `[import]`.
+
+| task | tables |
+|---|---|
+| describe the vehicle | [vehicle](#vehicle), [actuators](#vehicleactuatorscontrol), [autopilot](#autopilotchannel) |
+| describe an ROV | [thrusters](#vehiclethrusters), [thrust laws](#vehiclethrust_lawsname), [tether](#vehicletether) |
+| choose terms and priors | [structure](#structure), [prior](#priorname), [selection](#selection) |
+| describe sensors | [sensors](#sensorschannel), [mounts](#mountsname), [estimation](#estimation), [filter](#filter) |
+| read logs | [import](#import), [files](#importfiles), [channels](#importfileschannelschannel), [keep](#importkeep), [checks](#checks) |
+| design trials | [design](#design), [limits](#limitsname), [power](#power), [goal](#goal), [plan](#plan), [truth](#truth) |
+| use more machines | [compute](#compute) |
+
+- A quantity is text with a unit, such as `"200 rpm"`. A plain number is SI, in the unit of the coefficient.
+- A key without a default is optional unless it is marked "required".
+- `seatrial schema > DIR/campaign.schema.json` lets an editor complete keys, show their meaning and mark mistakes. The first line of a
   template, `#:schema campaign.schema.json`, names that file for editors with Taplo, such as Even Better TOML of VS Code.
-- An unknown key, or one that has no effect beside the others, is refused with its line and a remedy.
-- `{ a = 1, b = 2 }` on one line is the same as a table of its own.
-
-The smallest file that designs a trial has `[campaign]`, `[vehicle]`, `[structure]`, a `[prior.NAME]` for each term, `[sensors.CHANNEL]` and
-`[design]`; one that only fits logs has `[import]` instead. With `[import]` a campaign reads logs, with `[truth]` it simulates them; it may
-not have both. All other tables are optional.
+- An unknown key, or one without effect, is refused with its line and a remedy.
 
 ## `[truth]`
 
-The vehicle that is simulated: the value of each coefficient by name, SI. Every term of `always` needs one; an optional
-term that is left out is 0. These are allowed too:
+The simulated vehicle: the value of each coefficient by name, SI. Every term of `always` needs one; an optional
+term that is left out is 0. Also allowed:
 
 | key | unit | meaning |
 |---|---|---|
@@ -43,7 +86,7 @@ term that is left out is 0. These are allowed too:
 | `tau_CHANNEL`, `dof_CHANNEL` | s, 1 | correlation time of that noise, or degrees of freedom of its heavy tails |
 | `lag_CONTROL` | s | time constant of an actuator, which no structure has |
 | `net_weight`, `x_b`, `gain_f`, `tether_linear`, … | that of its prior | another unknown of the vehicle that has a prior |
-| `process_STATE` | that of the state | process noise: what it adds to a state in one second |
+| `process_STATE` | that of the state | process noise: standard deviation that a state gains in one second |
 """
 
 

@@ -33,7 +33,7 @@ class Command(NamedTuple):
     makes: str = ""
 
 
-# By name, in the order in which they are listed. To add a command, see the table of CONTRIBUTING.
+# By name, in the order in which they are listed. To add a command, see docs/dev/map.md.
 COMMANDS = {
     "vehicle": Command(vehicle),
     "init": Command(init),

@@ -32,14 +32,14 @@ Drives = Annotated[dict[str, float], first_noted("moved")]
 class LoopTable(Table):
     """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
 
-    With e the set-point less the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
-    change. It `drives` controls, each by its share of that, or the set-point of a loop further down (`theta_set`): depth through pitch.
-    Trials then run through the autopilot: what `[design]` drives is a set-point such as `psi_set`, or a control, to which it is added.
+    With e the set-point minus the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
+    change. It `drives` controls, each by its share, or the set-point of an inner loop (`theta_set`): depth through pitch.
+    `[design]` then drives a set-point such as `psi_set`, or adds to a control.
     """
 
     drives: Drives = Field(
         min_length=1,
-        description="controls that it moves, or set-points of loops further down, each with its share of the output",
+        description="controls, or set-points of inner loops, each with its share of the output",
     )
     kp: Gain = Field(description="proportional gain")
     ki: IntegralGain | None = Field(default=None, description="integral gain")
@@ -50,13 +50,13 @@ class LoopTable(Table):
         default=None, description="channel that shows the rate of change, such as `r`; without it differences are taken"
     )
     set_point: OfChannel | None = Field(
-        default=None, description="value that is held if the trial does not move it; its trim if not given"
+        default=None, description="value if the trial does not move it; its trim if not given"
     )
     limit: OfMoved | None = Field(default=None, description="largest output, to either side")
     rate: RateOfMoved | None = Field(default=None, description="fastest change of the output")
     interval: Seconds | None = Field(
         default=None,
-        description="from one decision to the next, a multiple of `design.sample_time`, which it is if not given",
+        description="time between decisions, a multiple of `design.sample_time`, which is the default",
     )
 
 

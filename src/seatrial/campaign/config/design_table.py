@@ -81,7 +81,7 @@ class RangeTable(Table):
 class PowerTable(Table):
     """`[power]`: the power that the battery gives: the hotel load, and the propulsion, which grows with the cube of the control."""
 
-    hotel: Watts = Field(description="power drawn whatever the propeller does")
+    hotel: Watts = Field(description="power without propulsion")
     propulsion: Watts = Field(description="power drawn by the propeller at the operating point `at`")
     at: OfControl = Field(description="the control at which `propulsion` is drawn")
 
@@ -98,12 +98,12 @@ class PredictionTable(Table):
     """`[design.prediction]`: the prediction for which the coefficients are wanted: a state, the `distance` travelled or the `advance`, some
     time after the designed control is set to a value at trim. With the propeller stopped, `of = "distance"` is the stopping distance."""
 
-    of: str = Field(description="what is predicted: a state, `distance` or `advance`")
+    of: str = Field(description="predicted quantity: a state, `distance` or `advance`")
     control: OfControl = Field(description="value to which the control is set")
     after: Annotated[
         float,
         Unit("s", above=0.0, most=1e5, expected="a positive time of 100 000 s at most", remedy='for example "30 s"'),
-    ] = Field(description="how long after that")
+    ] = Field(description="time after that")
 
 
 def _as_beside(written: Any) -> Any:
@@ -112,14 +112,16 @@ def _as_beside(written: Any) -> Any:
 
 
 class BesideTable(Table):
-    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period of its own, `period` times as long."""
+    """`[design.together.CONTROL]`: a control that moves with the designed one, with a period `period` times as long."""
 
     amplitude: OfBeside = Field(description="its amplitude at the largest amplitude of the designed control")
-    period: float = Field(default=1.0, ge=0.1, le=10.0, description="its period over that of the designed control")
+    period: float = Field(
+        default=1.0, ge=0.1, le=10.0, description="its period divided by that of the designed control"
+    )
 
 
 class DesignTable(Table):
-    """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and what makes one of them the best.
+    """`[design]`: shapes of input that are compared on one grid of amplitudes and periods, and the utility that ranks them.
 
     | utility | the best design ... |
     |---|---|
@@ -133,7 +135,7 @@ class DesignTable(Table):
 
     With `per` a joule or a second, a trial ends where more of it would lower the information per cost.
 
-    `schedule` is a CSV of your own, with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
+    `schedule` is a CSV with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
     compared with the families, and is the first trial that is run. Controls named under `together` move at the same
     time. The amplitude of each, `{ n = "100 rpm" }`, is used with the largest amplitude of `control`; smaller designs shrink it in
     proportion. A control with slower motion may have a longer period: `{ n = { amplitude = "100 rpm", period = 2.0 } }`.
@@ -145,7 +147,7 @@ class DesignTable(Table):
     families: Several[str] = Field(
         default=("repeated-doublet",), min_length=1, description="shapes of input to compare, from the list below"
     )
-    utility: Utility = Field(default="entropy", description="what makes a design the best; see above")
+    utility: Utility = Field(default="entropy", description="criterion of the best design; see above")
     filter: DesignFilter = Field(
         default="square-root-unscented", description="filter that computes the entropy reduction"
     )
@@ -153,9 +155,7 @@ class DesignTable(Table):
         default="mean",
         description="the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
     )
-    per: Per = Field(
-        default="trial", description="whether a trial counts as a whole, by the energy it takes, or by the time"
-    )
+    per: Per = Field(default="trial", description="whether a trial counts as a whole, by its energy, or by its time")
     turnaround: Turnaround = Field(default=0.0, description='time between trials, counted with `per = "second"`')
     probability: float = Field(
         default=0.95, gt=0.0, lt=0.99, description="probability with which the limits of the motion must be kept"
@@ -170,16 +170,16 @@ class DesignTable(Table):
         default={}, description="other controls that move at the same time, by name, each with its largest amplitude"
     )
     duration: Seconds = Field(description="length of the trial")
-    active: Seconds = Field(description="how long the control may leave trim")
+    active: Seconds = Field(description="time in which the control may leave trim")
     start: Seconds = Field(default=1.0, description="time at trim before the control moves")
     ramp: Seconds = Field(default=0.0, description="time that each change of level takes")
     sample_time: Seconds = Field(description="time between samples")
     schedule: str | None = Field(
-        default=None, description="CSV of a schedule of your own, which is compared with the designs and run first"
+        default=None, description="CSV of your schedule, which is compared with the designs and run first"
     )
     amplitude: Annotated[RangeTable, RangeOf("{control}")] = Field(description="amplitudes that are compared")
     period: Annotated[RangeTable, RangeOf("s")] = Field(
-        description="periods that are compared; the list of shapes says what the period of each is"
+        description="periods that are compared; the list of shapes has the meaning for each"
     )
     relay: RelayTable | None = Field(default=None, description="the self-oscillating test, `[design.relay]`")
     prediction: PredictionTable | None = Field(

@@ -45,22 +45,18 @@ class TimeTable(Table):
 
 
 class ColumnTable(Table):
-    """`[import.files.channels.CHANNEL]`: the column that holds a channel, its unit, and what is done to its numbers.
+    """`[import.files.channels.CHANNEL]`: the column of a channel, its unit, and the conversion of its numbers.
 
-    `scale` multiplies them, then `offset` is added.
-
-    `curve` is a CSV with a header and two columns: a logged number, and what it stands for in `unit`. Between its rows it is interpolated.
+    `curve` is a CSV with a header and two columns: a logged number, and its meaning in `unit`, interpolated between rows.
     Use it for the maker's table of thrust over PWM width.
 
-    In place of a column, `sum` is a sum of columns of the table with factors, such as "0.12 data[0] - 0.12 data[1]"; names with other
-    signs than letters, digits and . _ / [ ] are written in single quotes. The curve is applied to each column. Forces of thrusters may be
-    in the unit "command": `[vehicle.thrust_laws]` makes thrust of the column, or of the sum. `offset` is then in units of the command and
-    is added before the law, and `scale` multiplies the thrust.
+    In a `sum`, names with other signs than letters, digits and . _ / [ ] are written in single quotes, and the curve is applied to each
+    column. Forces of thrusters may be in the unit "command": `[vehicle.thrust_laws]` converts the column, or the sum, to thrust. `offset`
+    is then in units of the command and is added before the law, and `scale` multiplies the thrust.
 
-    A control is held from each sample to the next, as a command is. `between = "line"` is for a control that was measured while it changed,
-    such as the speed of a propeller: over each step it is the mean of the straight line between its samples. Where neither is said it is
-    held, and a caution tells of a control that changes at nearly every sample, as a measured one does; `between = "held"` says that it is a
-    command.
+    `between = "line"` is for a measured control, such as the speed of a propeller: over each step it is the mean of the straight line
+    between its samples. By default a control is constant from sample to sample, and a caution names one that changes at nearly every
+    sample. With `between = "held"` there is no caution.
     """
 
     column: str | None = Field(default=None, description="name of the column of the channel")
@@ -68,26 +64,23 @@ class ColumnTable(Table):
         default=None, description="instead of a column: columns with factors, such as `0.12 data[0] - 0.12 data[1]`"
     )
     unit: str = Field(description="unit of the column")
-    scale: float = Field(default=1.0, description="factor on the column; -1 turns an axis round")
-    offset: float = Field(
-        default=0.0, description="constant added after scaling; before a law of thrust, in units of the command"
-    )
+    scale: float = Field(default=1.0, description="factor on the column; -1 reverses an axis")
+    offset: float = Field(default=0.0, description="constant added after scaling")
     curve: str | None = Field(
         default=None,
-        description="CSV that says what each logged number stands for, such as the thrust of a PWM width; it has to reach the"
-        " rows that are kept",
+        description="CSV with the meaning of each logged number, such as the thrust of a PWM width; it must cover the rows "
+        "that are kept",
     )
     between: Literal["held", "line"] | None = Field(
         default=None,
-        description="of a control: `held` from sample to sample, as a command is, or a straight `line`, as of a measured "
-        "propeller",
+        description="of a control: `held` from sample to sample, or a straight `line`",
     )
 
 
 class FileTable(Table):
     """`[[import.files]]`: one log of a trial; `{run}` in the path stands for the run's label.
 
-    `time` is not needed if the format has a clock of its own. Channels `v_north`, `v_east` and `v_down` become velocities along the body,
+    `time` is not needed if the format has a clock. Channels `v_north`, `v_east` and `v_down` become velocities along the body,
     and `q_w`, `q_x`, `q_y`, `q_z` become angles. `delimiter`, `encoding`, `skip_rows`, `header_rows` and `names` are for CSV and TSV.
     """
 
@@ -102,14 +95,14 @@ class FileTable(Table):
     runs: Several[str] | None = Field(
         default=None,
         min_length=1,
-        description="the runs that have this log, if its columns or its name are not those of every run; all without it",
+        description="runs with this log; all if not given",
     )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
         default="as_stamped", description="use the stamps as they are, spread them evenly, or drop rows that repeat one"
     )
     shift: Seconds | None = Field(
         default=None,
-        description="added to the stamps of this log, if its clock differs from that of the others; not for `seatrial live`",
+        description="added to the stamps of this log, if its clock differs; not for `seatrial live`",
     )
     axes: Literal["NED", "ENU"] = Field(
         default="NED",
@@ -152,7 +145,7 @@ class KeepTable(Table):
     table: str | None = Field(default=None, description="topic or type of message, if the log has several")
     time: TimeTable | None = Field(
         default=None,
-        description="column of time, `[import.keep.time]`; not needed if the format has a clock of its own",
+        description="column of time, `[import.keep.time]`; not needed if the format has a clock",
     )
     delimiter: str | None = Field(
         default=None, description="character between the cells of a text file, or `whitespace`"
@@ -166,20 +159,20 @@ class KeepTable(Table):
 
 
 class TrimTable(Table):
-    """`[import.trim.RUN]`: where one run begins and ends, instead of what `[import]` says for all runs."""
+    """`[import.trim.RUN]`: start and end of one run, instead of those of `[import]`."""
 
     start: Seconds | None = Field(
-        default=None, description="where the run begins, counted from the beginning of the record"
+        default=None, description="start of the run, counted from the beginning of the record"
     )
-    end: Seconds | None = Field(default=None, description="where the run ends, counted in the same way")
+    end: Seconds | None = Field(default=None, description="end of the run, counted in the same way")
 
 
 class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
     Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
-    pieces, each a trial with a start of its own: for long records, and for vehicles that leave their course slowly. `schedule` is the
-    table that was commanded; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` says how
+    pieces, each a trial with a separate start: for long records, and for vehicles that leave their course slowly. `schedule` is the
+    commanded table; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` prints how
     well it was followed.
     """
 
@@ -187,17 +180,17 @@ class ImportTable(Table):
     predict: Several[str] = Field(default=(), description="labels of the runs that are only predicted")
     step: Length | None = Field(
         default=None,
-        description="grid on which samples are averaged, for logs of many samples; if not given, every stamp is kept",
+        description="grid on which samples are averaged; if not given, every stamp is kept",
     )
-    start: Seconds | None = Field(default=None, description="cut off what comes before this")
-    end: Seconds | None = Field(default=None, description="cut off what comes after this")
+    start: Seconds | None = Field(default=None, description="beginning of the part that is kept")
+    end: Seconds | None = Field(default=None, description="end of the part that is kept")
     trim: dict[str, TrimTable] = Field(
         default={}, description="`[import.trim.RUN]`, for a run with its own start and end"
     )
     split: Length | None = Field(default=None, description="length of the pieces into which a long record is cut")
     schedule: str | None = Field(
         default=None,
-        description="CSV of what was commanded, with `{run}` for the label of a run; the record is cut to it",
+        description="CSV of the commands, with `{run}` for the label of a run; the record is cut to it",
     )
     keep: Several[KeepTable] = Field(
         default=(),

@@ -112,7 +112,7 @@ class PriorTable(Table):
     model_config = ConfigDict(allow_inf_nan=True)  # `read_prior` says what to write instead
 
     distribution: Literal["uniform", "log-uniform", "normal", "half-normal", "log-normal", "truncated-normal"] = Field(
-        description="form of the prior; the table above says which numbers each form needs"
+        description="form of the prior; the table above has the numbers of each form"
     )
     lower: float | None = Field(default=None, description="lower bound", json_schema_extra=_OF_PRIOR)
     upper: float | None = Field(default=None, description="upper bound", json_schema_extra=_OF_PRIOR)
@@ -128,13 +128,11 @@ class PriorTable(Table):
         default=None, description="spread of a log-normal: 68 % lie within this factor of the median"
     )
     unit: str | None = Field(default=None, description="unit of the numbers above, if it is not SI")
-    dissipative: bool = Field(
-        default=False, description="cut the prior to the sign that a damping or an added mass has by itself"
-    )
+    dissipative: bool = Field(default=False, description="cut the prior to the side that physics allows")
 
 
 class GoalTable(Table):
-    """`[goal]`: what ends the campaign. A standard deviation is a quantity or a percentage of the value ("10 %").
+    """`[goal]`: the end of the campaign. A standard deviation is a quantity or a percentage of the value ("10 %").
 
     If only `trials` is given, all of them are run.
     """
@@ -149,8 +147,7 @@ class GoalTable(Table):
 
 
 class PlanTable(Table):
-    """`[plan]`: limits of a day at sea: `time` on the water, the `battery`, and the `turnaround`, the time between trials. `seatrial plan`
-    adds no further trial once the `chance` of meeting the goals is reached."""
+    """`[plan]`: limits of a day at sea. `seatrial plan` adds no trial once the `chance` of meeting the goals is reached."""
 
     time: Annotated[float, Unit("s", above=0.0, expected="more than 0", remedy='for example time = "4 h"')] = Field(
         default=inf, description="time on the water, all trials with their turnaround"
@@ -158,7 +155,7 @@ class PlanTable(Table):
     battery: Joules = Field(default=inf, description="energy for all trials, by [power]")
     turnaround: Turnaround = Field(default=0.0, description="time between trials, such as the way back")
     chance: float = Field(
-        default=0.9, gt=0.0, lt=1.0, description="chance of meeting all goals from which on no trial is added"
+        default=0.9, gt=0.0, lt=1.0, description="chance of meeting all goals at which no further trial is added"
     )
 
 
@@ -173,7 +170,7 @@ class FilterTable(Table):
 
 
 class EstimationTable(Table):
-    """`[estimation]`: likelihood, initial state, noise, current, what varies between trials, and size of the chains.
+    """`[estimation]`: likelihood, initial state, noise, current, differences between trials, and size of the chains.
 
     | setting | priors that it needs |
     |---|---|
@@ -187,14 +184,14 @@ class EstimationTable(Table):
     """
 
     likelihood: Literal["output-error", "filter-error"] = Field(
-        default="output-error", description="where the misfit comes from: [which likelihood?](../how-to/likelihoods.md)"
+        default="output-error", description="source of the misfit: [which likelihood?](../how-to/likelihoods.md)"
     )
     initial: Literal["trim", "measured", "estimated"] = Field(
         default="trim",
         description="how each trial begins: at trim, at the first measurement, or at unknown values that are estimated",
     )
     residuals: Residuals = Field(
-        default="white", description="what the noise is like: [which likelihood?](../how-to/likelihoods.md)"
+        default="white", description="form of the noise: [which likelihood?](../how-to/likelihoods.md)"
     )
     current: Scope = Field(
         default="none", description="an unknown steady current along the course: one for all trials, or one for each"
@@ -216,7 +213,7 @@ class EstimationTable(Table):
         description='the same of the forces of motion, and of those of commands, about their formulas, as a share; or "exact"',
     )
     sampler: SamplerName = Field(
-        default=DEFAULT, description="how the posterior is sampled: [the samplers](../explanation/samplers.md)"
+        default=DEFAULT, description="sampler of the posterior: [samplers](../explanation/samplers.md)"
     )
     chains: int = Field(default=32, ge=2, le=1024, description="number of chains")
     warmup: int = Field(
@@ -259,7 +256,7 @@ class EstimationTable(Table):
 
 
 class SelectionTable(Table):
-    """`[selection]`: size of the method that computes each evidence, and of the one that checks it where a decision depends on it.
+    """`[selection]`: size of the method that computes each evidence, and of the one that checks it if a decision depends on it.
 
     If a verdict asks for more particles, repeats or draws, raise these.
     """
@@ -269,7 +266,7 @@ class SelectionTable(Table):
         ge=64,
         le=1_000_000,
         description="particles of the tempered SMC that checks an evidence; if not given, 512, or 64 for each parameter "
-        "where that is more",
+        "if that is more",
     )
     repeats: int = Field(default=4, ge=2, le=1000, description="independent repeats of it")
     draws: int = Field(
@@ -292,11 +289,11 @@ class SlurmTable(Table):
 
 
 class ComputeTable(Table):
-    """`[compute]`: where the computation runs. It does not change any result."""
+    """`[compute]`: place of the computation. It does not change any result."""
 
     workers: str = Field(
         default="local",
-        description="where the work is done: `local`, `slurm`, or the address of a Dask scheduler such as "
+        description="place of the work: `local`, `slurm`, or the address of a Dask scheduler such as "
         "`tcp://10.0.0.1:8786`",
     )
     slurm: SlurmTable | None = Field(default=None, description="resources of each job, `[compute.slurm]`")

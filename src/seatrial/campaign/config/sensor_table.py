@@ -35,7 +35,7 @@ class SensorTable(Table):
     ] = Field(description="standard deviation of one sample")
     rate: Hertz = Field(default=inf, description="how often it measures, if less often than the record has samples")
     residuals: Residuals | None = Field(
-        default=None, description="residuals of this channel, in place of those of `[estimation]`"
+        default=None, description="residuals of this channel, instead of those of `[estimation]`"
     )
     bias: Scope = Field(default="none", description="an unknown constant error: one for all trials, or one for each")
     lag: bool = Field(default=False, description="whether the sensor answers late; needs `[prior.lag_CHANNEL]`")
@@ -59,9 +59,7 @@ Delay = Annotated[
 class MountTable(Table):
     """`[mounts.NAME]`: a sensor of several `channels`, such as the u, v and w of a Doppler log or the z of a pressure cell.
 
-    `place` is from the body's origin, forward, starboard and down; `roll`, `pitch` and `yaw` turn the sensor's axes in those of the body;
-    `scale` is the shown value over the true one; `delay` is that of its clock, 1 s at most. Each is estimated if it has a
-    prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.delay_NAME]`.
+    Each number is estimated if it has a prior: `[prior.x_NAME]`, `[prior.yaw_NAME]`, `[prior.scale_NAME]`, `[prior.delay_NAME]`.
     """
 
     channels: Several[str] = Field(
@@ -71,17 +69,15 @@ class MountTable(Table):
         default=None,
         min_length=3,
         max_length=3,
-        description="its place forward, starboard and down of the body's origin; an unknown with `[prior.x_NAME]`",
+        description="its place forward, starboard and down of the body's origin",
     )
     roll: Radians = Field(default=0.0, description="turn of the sensor about the body's x axis")
     pitch: Radians = Field(default=0.0, description="turn about the y axis")
-    yaw: Radians = Field(default=0.0, description="turn about the z axis; an unknown with `[prior.yaw_NAME]`")
-    scale: float = Field(
-        default=1.0, gt=0.0, description="shown value over true value; an unknown with `[prior.scale_NAME]`"
-    )
+    yaw: Radians = Field(default=0.0, description="turn about the z axis")
+    scale: float = Field(default=1.0, gt=0.0, description="shown value divided by true value")
     delay: Delay = Field(
         default=0.0,
-        description="time by which it shows the past, such as a clock that is behind; an unknown with `[prior.delay_NAME]`",
+        description="time by which it shows the past, 1 s at most",
     )
 
 

@@ -49,7 +49,7 @@ OfSignal = Annotated[float, Unit("{signal}", "that of the signal")]
 
 
 class ActuatorTable(Table):
-    """`[vehicle.actuators.CONTROL]`: how late an actuator follows its command, and its limits."""
+    """`[vehicle.actuators.CONTROL]`: lag and limits of an actuator."""
 
     lag: Seconds = Field(default=0.0, description="time constant between command and motion of the actuator")
     lower: OfControl | None = Field(default=None, description="smallest command")
@@ -58,9 +58,9 @@ class ActuatorTable(Table):
 
 
 class TetherTable(Table):
-    """`[vehicle.tether]`: a tether that drags where it is made fast, `point` from the body's origin, forward, starboard and down.
+    """`[vehicle.tether]`: drag of a tether at a point of the vehicle.
 
-    The force is -(linear + quadratic |v|) v, v being the velocity of the point through the water. A drag is sought if it has a prior,
+    The force is -(linear + quadratic |v|) v, v being the velocity of the point through the water. A drag is estimated if it has a prior,
     `[prior.tether_linear]` or `[prior.tether_quadratic]`.
     """
 
@@ -68,13 +68,13 @@ class TetherTable(Table):
         default=None,
         min_length=3,
         max_length=3,
-        description="where it is made fast, forward, starboard and down of the body's origin; the origin if not given",
+        description="point of attachment, forward, starboard and down of the body's origin; the origin if not given",
     )
     linear: Annotated[float, Unit("kg/s", "N s/m")] = Field(
-        default=0.0, description="drag per m/s of the point; a guess if `[prior.tether_linear]` seeks it"
+        default=0.0, description="drag per m/s; a guess if `[prior.tether_linear]` estimates it"
     )
     quadratic: Annotated[float, Unit("kg/m", "N s^2/m^2")] = Field(
-        default=0.0, description="drag per square of the point's speed; a guess if `[prior.tether_quadratic]` seeks it"
+        default=0.0, description="drag per square of the speed; a guess if `[prior.tether_quadratic]` estimates it"
     )
 
 
@@ -85,8 +85,7 @@ class VehicleTable(Table):
     of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
     at a bollard, and gauges measure `force_X` to `moment_N`.
 
-    Without `thrusters` the vehicle has those of the catalogue. The forces f_1, f_2, … drive them, or the speeds n_1, n_2, … if terms of T
-    have n. `added_coriolis` says whether Coriolis forces of the added mass are terms (X_wq, …) or follow from it.
+    The forces f_1, f_2, … drive the thrusters, or the speeds n_1, n_2, … if terms of T have n.
     """
 
     catalogue: str | None = Field(
@@ -144,12 +143,13 @@ class VehicleTable(Table):
     thrusters: Several[ThrusterTable] = Field(
         default=(),
         max_length=64,
-        description="place and direction of each thruster, in place of those of the catalogue",
+        description="place and direction of each thruster, instead of those of the catalogue",
     )
     thrust_laws: dict[str, ThrustLawTable] = Field(default={}, description="thrust of logged commands, by name")
     tether: TetherTable | None = Field(default=None, description="drag of a tether at a point of the vehicle")
     added_coriolis: Literal["named", "automatic"] = Field(
-        default="named", description="whether Coriolis forces of the added mass are terms, or follow from it"
+        default="named",
+        description="whether Coriolis forces of the added mass are terms (`X_wq`, …), or follow from it",
     )
     published_prior_sd: Share | None = Field(
         default=None,
