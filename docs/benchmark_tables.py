@@ -14,7 +14,7 @@ TASKS = {"run": "whole run", "short": "short stretches", "step": "one step"}
 
 
 def main(folder: Path) -> None:
-    """Write what stands between the two remarks of the page."""
+    """Write the tables between the two remarks of the page."""
     results = [json.loads((folder / name / "result.json").read_text()) for name in ORDER]
     before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
     _, _, after = rest.partition(END)
@@ -42,7 +42,7 @@ def count(results: list[dict]) -> str:
 
 
 def table(result: dict) -> str:
-    """Return one set: its title, a row for each method and channel, and what is not beaten."""
+    """Return one set: its title, a row for each method and channel, and the methods that are better."""
     found = result["set"]
     lines = [
         f"### {found['title']}",
@@ -80,13 +80,12 @@ def _band(score: dict) -> str:
 
 
 def _remarks(result: dict) -> list[str]:
-    """What is not beaten, and which methods gave nothing."""
-    lines = result["not_beaten"]
-    said = (
-        ["Not beaten: " + "; ".join(line.removeprefix("ours, ") for line in lines) + "."]
-        if lines
-        else ["No method has a lower CRPS than ours."]
-    )
+    """Return the channels in which a method is better, and the methods without a result."""
+    lines = [
+        line.removeprefix("ours, ").replace(": has a CRPS of ", " (").replace(" and does not beat ", "): ")
+        for line in result["not_beaten"]
+    ]
+    said = ["Lower CRPS than ours: " + "; ".join(lines) + "."] if lines else ["No method has a lower CRPS than ours."]
     failed = {
         entry["method"]: entry["failed"].partition("found:")[2].partition(";")[0].strip() or entry["failed"]
         for entry in result["entries"]

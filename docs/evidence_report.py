@@ -17,17 +17,17 @@ BY_CHANCE = 1e-3
 DRAWN = 40
 """Runs of a case that are drawn."""
 DEFAULT = "agreement"
-"""What `log_evidence` gives; it alone promises not to be wrong in silence."""
+"""What `log_evidence` gives; only it must never be wrong without an alarm."""
 SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
 _HEAD = (
-    "| estimator | target, parameters | runs | complain | of the others within 2 errors | sd of error / stated "
+    "| estimator | target, parameters | runs | warned | within 2 errors if not warned | sd of error / stated "
     "| mean error, nats | stated, median | evaluations | s |"
 )
-_HARD_HEAD = "| target, parameters | estimator | runs | within 2 errors | alarm | wrong in silence | mean error, nats | evaluations | s |"
+_HARD_HEAD = "| target, parameters | estimator | runs | within 2 errors | alarm | wrong without a warning | mean error, nats | evaluations | s |"
 
 
 class Run(NamedTuple):
-    """One run: error and stated error, nats, NaN where none was given, what it complained of, its time, s."""
+    """One run: error and stated error, nats, NaN where none was given, its warning, its time, s."""
 
     error: float
     stated: float
@@ -56,7 +56,9 @@ def tables(found: Found, benign: Sequence[str], hard: Sequence[str]) -> str:
 def failures(found: Found, benign: Sequence[str]) -> list[str]:
     """Cases that contradict what is claimed, in words."""
     low = [f"{m} on {t}: errors are stated too small" for (m, t), case in found.items() if t in benign and is_low(case)]
-    return low + [f"{m} on {t}: wrong in silence" for (m, t), case in found.items() if m == DEFAULT and mutes(case)]
+    return low + [
+        f"{m} on {t}: wrong without a warning" for (m, t), case in found.items() if m == DEFAULT and mutes(case)
+    ]
 
 
 def is_low(case: Case) -> bool:

@@ -100,8 +100,7 @@ def code_texts() -> Iterator[Text]:
             tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix()
             quiet = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
             for node in ast.walk(tree):
-                is_docstring = isinstance(node, ast.Expr) and folder == "messages"
-                if is_docstring:
+                if isinstance(node, ast.Expr) and folder == "messages":  # a docstring
                     quiet.add(id(node.value))
                 if isinstance(node, ast.JoinedStr):
                     parts = (part.value if isinstance(part, ast.Constant) else "x" for part in node.values)
