@@ -23,7 +23,10 @@ _HEAD = (
     "| estimator | target, parameters | runs | warned | within 2 errors if not warned | sd of error / stated "
     "| mean error, nats | stated, median | evaluations | s |"
 )
-_HARD_HEAD = "| target, parameters | estimator | runs | within 2 errors | alarm | wrong without a warning | mean error, nats | evaluations | s |"
+_HARD_HEAD = (
+    "| target, parameters | estimator | runs | within 2 errors | alarm | wrong without a warning | mean error, nats "
+    "| evaluations | s |"
+)
 
 
 class Run(NamedTuple):

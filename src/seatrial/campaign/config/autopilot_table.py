@@ -15,15 +15,15 @@ from seatrial.manoeuvres.autopilot import Loop
 from seatrial.vehicles.model import VehicleModel
 
 OfMoved = Annotated[
-    float, Unit("{moved}", "that of what it drives", above=0.0, remedy="leave it out where there is none")
+    float, Unit("{moved}", "that of the driven control", above=0.0, remedy="leave it out if there is none")
 ]
 
 RateOfMoved = Annotated[
     float,
-    Unit("({moved})/s", "that of what it drives, per second", above=0.0, remedy="leave it out where there is none"),
+    Unit("({moved})/s", "that of the driven control, per second", above=0.0, remedy="leave it out if there is none"),
 ]
 
-Gain = Annotated[float, Unit("({moved})/({channel})", "that of what it drives, over that of the channel")]
+Gain = Annotated[float, Unit("({moved})/({channel})", "that of the driven control, over that of the channel")]
 IntegralGain = Annotated[float, Unit("({moved})/({channel} s)", "the same, per second")]
 DerivativeGain = Annotated[float, Unit("({moved}) s/({channel})", "the same, times seconds")]
 Drives = Annotated[dict[str, float], first_noted("moved")]

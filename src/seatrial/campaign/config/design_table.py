@@ -131,9 +131,9 @@ class DesignTable(Table):
     | `fisher-e` | gives the most information about the combination that is least known |
     | `fisher-me` | gives similar information about all combinations |
     | `fisher-c` | makes the stated `prediction` most certain |
-    | `discrimination` | tells the full structure best from the one most like it |
+    | `discrimination` | best separates the full structure from the one most like it |
 
-    With `per` a joule or a second, a trial ends where more of it would lower the information per cost.
+    With `per` a joule or a second, a trial ends when more of it would lower the information per cost.
 
     `schedule` is a CSV with columns `time_s` and one for each control that moves, with its unit, such as `n_rpm`. It is
     compared with the families, and is the first trial that is run. Controls named under `together` move at the same
@@ -183,7 +183,7 @@ class DesignTable(Table):
     )
     relay: RelayTable | None = Field(default=None, description="the self-oscillating test, `[design.relay]`")
     prediction: PredictionTable | None = Field(
-        default=None, description="what `fisher-c` minimises, `[design.prediction]`"
+        default=None, description="prediction for `fisher-c`, `[design.prediction]`"
     )
 
     @model_validator(mode="after")

@@ -170,7 +170,7 @@ class TrimTable(Table):
 class ImportTable(Table):
     """`[import]`: runs that are fitted jointly, runs that are only predicted, and how their files become records.
 
-    Every run is cut to `start` and `end`, counted from the beginning of the record, where all its files have begun. `split` divides it into
+    Every run is cut to `start` and `end`, counted from the first time that all its files have. `split` divides it into
     pieces, each a trial with a separate start: for long records, and for vehicles that leave their course slowly. `schedule` is the
     commanded table; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` prints how
     well it was followed.

@@ -176,7 +176,7 @@ class EstimationTable(Table):
     |---|---|
     | `residuals = "coloured"` | `[prior.tau_u]`, the correlation time |
     | `residuals = "drifting"` | none: `[prior.drift_u]` and `[prior.drift_time_u]`, size and time of the slow part, have defaults |
-    | `likelihood = "filter-error"`, process noise | `[prior.process_u]`, what each state gains in one second |
+    | `likelihood = "filter-error"`, process noise | `[prior.process_u]`, gain of each state in one second |
     | the same, a disturbance | `[prior.disturbance_X]`, its standard deviation in the unit of X_0 |
     | | and `[prior.disturbance_time_X]`, its correlation time |
     | `current` | `[prior.current]` |

@@ -16,10 +16,10 @@ from seatrial.vehicles.thrusters import Thruster, ThrustLaw
 class ThrustLawTable(Table):
     """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
 
-    `curve` is a CSV of two columns with a header, the command and the thrust in N; in its place `polynomial` gives the thrust in N by
+    `curve` is a CSV of two columns with a header, the command and the thrust in N. Instead, `polynomial` gives the thrust in N by
     powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
     thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
-    converted by the law of thruster 1. Commands beyond the curve are refused, and so are those below 500 or above 2500 where a polynomial
+    converted by the law of thruster 1. Commands beyond the curve are refused. So are those below 500 or above 2500 if a polynomial
     has a `neutral` between 1000 and 2000, as one of pulse widths has.
     """
 

@@ -153,14 +153,14 @@ class VehicleTable(Table):
     )
     published_prior_sd: Share | None = Field(
         default=None,
-        description="prior of each catalogue coefficient that has none of its own: normal about the published value, with "
-        "this standard deviation, and cut where damping would drive the vehicle",
+        description="standard deviation of the default prior of each catalogue coefficient: normal about the published value, and "
+        "cut if damping would drive the vehicle",
     )
     priors_from: Several[str] = Field(
         default=(),
-        description="folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`: a coefficient they "
-        "found becomes a prior if it is estimated here, else a fixed value; gains, dead zones and lags of "
-        "thrusters, net weight, centre of buoyancy and drag of a tether become priors",
+        description="folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`. Their coefficients become "
+        "priors if they are estimated here, else fixed values. Gains, dead zones and lags of thrusters, net weight, centre "
+        "of buoyancy and drag of a tether become priors",
     )
     thrust_deduction: float = Field(
         default=0.0, ge=0.0, lt=1.0, description="thrust deduction t_d: share of the thrust that the hull takes back"
@@ -172,7 +172,7 @@ class VehicleTable(Table):
     trim: dict[Annotated[str, noted("signal")], OfSignal] = Field(
         default={},
         description="steady values about which the vehicle is driven, by signal, such as `n` and `u`; thrusters, fins and "
-        "side forces are at 0 where nothing is said",
+        "side forces are at 0 if not given",
     )
 
     @model_validator(mode="after")
