@@ -19,6 +19,7 @@ The code writes this page (`python docs/kept_reference.py`).
 
 The shortest file that fits a log:
 
+<!-- block: file shortest -->
 ```toml
 [campaign]
 name = "My vehicle, surge"
