@@ -261,7 +261,10 @@ def _estimate(
             "draws": (("chain", "draw", "parameter"), values),
             "log_density": (("chain", "draw"), draws.log_density),
             **{name: ("parameter", np.asarray(column, float)) for name, column in per_parameter.items()},
-            "shares": (("parameter", "origin"), np.array([astuple(budget.shares_of(name)) for name in names])),
+            "shares": (
+                ("parameter", "origin"),
+                np.array([astuple(budget.shares_of(name))[: len(ORIGINS)] for name in names]),
+            ),
             "prior_value": (("parameter", "point"), np.stack(prior_value)),
             "prior_density": (("parameter", "point"), np.stack(prior_density)),
         },

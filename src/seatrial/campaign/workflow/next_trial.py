@@ -23,7 +23,7 @@ from seatrial.design.trial_design import TrialDesign
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.manoeuvres.family import design_words
 from seatrial.messages.render import sentences
-from seatrial.messages.structures import BETTER_EVIDENCE, condition_of, trial_words
+from seatrial.messages.structures import BETTER_EVIDENCE, condition_of, one_design, trial_words
 from seatrial.selection.contenders import Contenders
 from seatrial.selection.verdict import DECIDED
 
