@@ -176,27 +176,27 @@ def test_masses_and_known_forces_with_which_all_coefficients_scale_are_named(tmp
     assert taken_as_exact(load_campaign(write_small(tmp_path / "stated"))) == ""  # the ± holds an error of the inertia
     campaign = load_campaign(write_small(tmp_path / "small", EXACT))
     assert taken_as_exact(campaign).startswith(
-        "taken as exact, and in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, with which"
+        "assumed exact, in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, to which"
     )
     example = 'catalogue = "remus100_surge"', 'name = "YOUR VEHICLE"\nmass = "30 kg"\nfixed = { X_udot = -1.0 }'
     held = "[structure]", '[vehicle.trim]\nu = "1.5 m/s"\nn = "1194 rpm"\n[structure]'
     left = load_campaign(write_small(tmp_path / "example", example, held, EXACT))
     assert left.example_vehicle == file_cautions(left)[0]
-    assert taken_as_exact(left).endswith(f"scale. {left.example_vehicle}")
+    assert taken_as_exact(left).endswith(f"are in proportion. {left.example_vehicle}")
     known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
     no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
     prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")
     trim = ("[structure]", "[structure]"), ("T_nabsn = 6.28e-4\n", "")
     text = write_small(tmp_path / "forced", known, no_thrust, prior, EXACT, *trim) / "campaign.toml"
     text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
-    both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2, with which all coefficients of X scale"
+    both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2, to which all coefficients of X are in proportion"
     assert both in taken_as_exact(load_campaign(tmp_path / "forced"))
 
 
 def test_thrust_laws_are_named_but_of_thrusters_whose_gain_is_sought():
     """The gain of the third thruster of the example has a prior; the others drive X and N by their law."""
     said = taken_as_exact(load_campaign(Path(__file__).parents[2] / "examples" / "thruster_rov"))
-    assert "the thrust law of f_1, f_2 and f_4, with which all coefficients of X scale" in said
+    assert "the thrust law of f_1, f_2 and f_4, to which all coefficients of X are in proportion" in said
 
 
 def test_the_inertia_by_which_all_of_yaw_scales_is_named(tmp_path):
@@ -225,9 +225,11 @@ noise = "0.5 deg/s"
         text += f'[prior.{name}]\ndistribution = "uniform"\nlower = {low}\nupper = {high}\n'
     text += '[design]\ncontrol = "n"\nduration = "60 s"\nactive = "40 s"\nsample_time = "0.1 s"\n'
     text += 'amplitude = { from = "50 rpm", to = "300 rpm", points = 3 }\nperiod = { from = "2 s", to = "40 s", points = 3 }\n'
-    said = "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2, with which all coefficients of N scale"
-    assert taken_as_exact(check_text(tmp_path, text)).endswith(f"coefficients of X and T scale; {said}")
+    said = (
+        "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2, to which all coefficients of N are in proportion"
+    )
+    assert taken_as_exact(check_text(tmp_path, text)).endswith(f"coefficients of X and T are in proportion; {said}")
     held = text.replace("fixed = {", "fixed = { N_uudelta_r = -6.5,").replace('"N_ur", "N_uudelta_r"]', '"N_ur"]')
     held = held.replace('[prior.N_uudelta_r]\ndistribution = "uniform"\nlower = -15\nupper = 0\n', "")
-    said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad, with which all coefficients of N scale"
+    said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad, to which all coefficients of N are in proportion"
     assert said in taken_as_exact(check_text(tmp_path, held))

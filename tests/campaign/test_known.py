@@ -73,7 +73,7 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
         "strongest correlation",
         "with X_uabsu",
         "known much better in combination",
-        "the combination known least",
+        "least-determined change",
     ):
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))

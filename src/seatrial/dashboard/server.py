@@ -111,7 +111,7 @@ def serve(
     )
     if not is_loopback(host):
         echo(
-            "the token is all that keeps others out, and travels unencrypted: use a network you trust, or ssh -L",
+            "anyone with the token has full access, and the traffic is not encrypted: use a network you trust, or ssh -L",
         )
     echo("Ctrl-C ends it; commands that were started from the page go on")
     if browser:

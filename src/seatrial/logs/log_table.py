@@ -193,9 +193,8 @@ def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
             continue
         if half_a_step_matters(table.columns[name]) and looks_measured(table.time, table.columns[name]):
             yield (
-                f'channel "{name}" of {table.place}: {LOOKS_MEASURED}, and is '
-                'held from each sample to the next, which makes it half a sample late: add between = "line" to this channel, or between = '
-                '"held" if it is a command'
+                f'channel "{name}" of {table.place}: {LOOKS_MEASURED}; held from each sample to the next, it is half a sample late: '
+                'add between = "line" to this channel, or between = "held" if it is a command'
             )
 
 

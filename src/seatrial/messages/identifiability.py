@@ -57,9 +57,7 @@ def _untouched(name: str) -> str:
     if name.startswith("sigma_"):
         return f"no measurement of {name.removeprefix('sigma_')} is left, so the data say nothing about {name}"
     moved = f"move {listed(sorted({*CoefficientName.parse(name).signals}))}, " if is_coefficient(name) else ""
-    return (
-        f"the trial says nothing about {name}: no measurement changes with it; {moved}fix it, or measure what it moves"
-    )
+    return f"the trial says nothing about {name}: no measurement changes with it; {moved}fix it, or add a sensor that responds to it"
 
 
 def invisible_change(item: Invisible) -> str:

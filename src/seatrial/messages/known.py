@@ -28,8 +28,8 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
     lines = aligned((heads, *rows), left=(0, -1))
     if len(known.directions) > 1:
         best, least = (", ".join(f"{name} {size}" for name, size in parts_of(known.directions[at])) for at in (0, -1))
-        lines.append(f"the combination known best, one standard error of the data: {best}")
-        lines.append(f"the combination known least: {least}")
+        lines.append(f"best-determined change, one standard error of the data: {best}")
+        lines.append(f"least-determined change: {least}")
     # The verdict is about what the data separate: its numbers are those of the noise.
     alone = "by noise alone: " if known.verdict and not before else ""
     lines += [*(alone + line for line in verdict_of(known)), *map(sentence, known.speed_pairs), *known.symmetry]

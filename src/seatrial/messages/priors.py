@@ -78,7 +78,7 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
     if predictive.lost.mean() > MAX_ODD_SHARE and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
         messages.append(
-            f"{_percent(predictive.lost)} of the draws from the prior {none}, which no vehicle does: {_mend(predictive)}"
+            f"{_percent(predictive.lost)} of the draws from the prior are no possible vehicles, as they {none}: {_mend(predictive)}"
         )
     missed = any(one.held < HARDLY_SHARE for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:

@@ -52,12 +52,14 @@ def taken_as_exact(campaign: Campaign) -> str:
             taken_up.append(f"{body}, whose error {added} takes up")
     if not scaling:
         return ""
-    sentences = [f"{facts}, with which all coefficients of {listed(axes)} scale" for facts, axes in scaling.items()]
+    sentences = [
+        f"{facts}, to which all coefficients of {listed(axes)} are in proportion" for facts, axes in scaling.items()
+    ]
     guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
     more = (
         f". {campaign.example_vehicle}" if campaign.example_vehicle else guessed if guesses and campaign.imports else ""
     )
-    return f"taken as exact, and in no ±: {'; '.join(sentences + taken_up)}{more}"
+    return f"assumed exact, in no ±: {'; '.join(sentences + taken_up)}{more}"
 
 
 def _axes(axis: str) -> tuple[str, ...]:

@@ -73,8 +73,8 @@ DESIGNED_FROM = 800  # Draws about a mode from which the next trial is designed:
 # take longer than the modes.
 MOST_BUDGETS = 8
 MODE = (
-    "first answers: the posterior mode, with ± of a normal approximation, which is not checked; "
-    "`seatrial estimate` without --by samples the whole posterior"
+    "first answers: the posterior mode, with the ± of a normal approximation that is not checked; "
+    "for checked intervals run `seatrial estimate` without --by"
 )
 REGRESSION = (
     "first answers: a regression of accelerations without priors; plain with the measured speeds, refined with the simulated "

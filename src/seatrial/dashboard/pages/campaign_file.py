@@ -90,7 +90,7 @@ class FileForm:
                 markup('<p class="note" role="status">The file now says the same as your text.</p>')
                 return
             words = (
-                '<p class="note" role="status">"Check and save" now writes your text: lines with - go, lines with + come. '
+                '<p class="note" role="status">"Check and save" writes your text: lines marked - are removed, lines marked + are added. '
                 'To keep a line that somebody else wrote, put it into your text first.</p><pre tabindex="0">{}</pre>'
             )
             markup(Markup(words).format(lines))

@@ -106,7 +106,7 @@ def _field(option: CommandOption) -> ui.input | ui.select | ui.checkbox:
             form = ui.select(list(map(str, option.choices)), value=option.default, label=label).props(LOOK)
         else:
             form = ui.input(label, value=option.default).props("outlined dense hide-bottom-space")
-        more = " Several are parted by commas." if option.is_list else ""
+        more = " Separate several by commas." if option.is_list else ""
         markup(Markup('<p class="note">{}{}</p>').format(option.meaning, more))
     return form
 

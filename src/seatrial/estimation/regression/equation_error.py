@@ -232,8 +232,8 @@ def _motion(model: VehicleModel, names: tuple[str, ...], values: np.ndarray, tri
     speed = np.asarray(simulate(model, params, np.asarray(trial.control), np.asarray(trial.step), start))[:, 0]
     if not np.isfinite(speed).all():
         raise NumericalError(
-            f"the vehicle that fits the accelerations of {trial.label} diverges when simulated: its damping drives. Noise in u "
-            "does this to equation error; use the output-error likelihood"
+            f"the vehicle that fits the accelerations of {trial.label} diverges when simulated: its estimated damping adds energy. "
+            "Noise in u does this to equation error; use the output-error likelihood"
         )
     return speed
 
