@@ -108,7 +108,7 @@ def quote_rows(
 def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[StoredAverage, ...]:
     """Return each parameter averaged over all structures by their probabilities, SI, and the probability of those that have it.
 
-    The cause of a standard deviation is that of the structure that adds most to it, if the structures differ less than they are uncertain.
+    The cause of a standard deviation is that of the structure that adds most to it, if the choice of terms does not add more.
     """
     moments = [
         {name: (float(one.data["mean"].sel(parameter=name)), one.sd(name)) for name in one.names} for one in estimates
@@ -134,7 +134,7 @@ def averaged_rows(estimates: Sequence[Estimate], selection: Selection) -> tuple[
                 sd=sd,
                 lower_95=lower,
                 upper_95=upper,
-                cause=most.causes.get(name, "") if shares[-1] < 0.5 else "",
+                cause=most.causes.get(name, "") if shares[-1] < shares[:-1].max() else "",
                 inclusion=inclusion,
                 shares=ErrorShares(*map(float, shares)),
             )
