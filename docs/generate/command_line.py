@@ -2,7 +2,8 @@
 
 import typer
 
-from seatrial.__main__ import app
+from seatrial.__main__ import COMMANDS, app
+from seatrial.cli.main import grouped
 
 
 def page() -> str:
@@ -16,15 +17,17 @@ def page() -> str:
         group.epilog or "",
         "",
     ]
-    for name, command in group.commands.items():  # pyright: ignore[reportAttributeAccessIssue]
-        parts += _command(name, command)
+    for words, names in grouped(COMMANDS).items():
+        parts += [f"## {words}", ""]
+        for name in names:
+            parts += _command(name, group.commands[name])  # pyright: ignore[reportAttributeAccessIssue]
     return "\n".join(parts)
 
 
 def _command(name: str, command) -> list[str]:
     context = command.make_context(name, [], resilient_parsing=True)
     usage = " ".join(["seatrial", name, *(piece for piece in command.collect_usage_pieces(context))])
-    lines = [f"## seatrial {name}", "", f"`{usage}`", "", command.help or "", ""]
+    lines = [f"### seatrial {name}", "", f"`{usage}`", "", command.help or "", ""]
     rows = [_row(parameter, context) for parameter in command.params]
     rows = [row for row in rows if row is not None]
     if rows:

@@ -6,7 +6,7 @@ from seatrial.cli import main as cli
 from seatrial.cli.running import run_app
 from seatrial.dashboard.command import serve
 
-COMMANDS = cli.COMMANDS | {"serve": cli.Command(serve)}
+COMMANDS = cli.COMMANDS | {"serve": cli.Command(serve, "Share")}
 app = cli.app_of(COMMANDS)
 
 

@@ -14,6 +14,7 @@ import typer
 from seatrial.__main__ import COMMANDS, main
 from seatrial.cli import console
 from seatrial.cli.console import ConsoleReporter
+from seatrial.cli.main import description, grouped
 from seatrial.cli.running import Exit, run_app, with_campaign
 from seatrial.compiled.engine import EngineWarning
 from tests.campaign.small import LOGGED, write_small
@@ -41,7 +42,12 @@ def test_help_is_given(monkeypatch, capsys, arguments):
 def test_help_lists_every_command(monkeypatch, capsys):
     _, out, _ = run(monkeypatch, capsys, "--help")
     listed = [line.split() for line in out.splitlines() if line.startswith("  ")]
-    assert [words[0] for words in listed if words[0] in COMMANDS and len(words) > 1] == list(COMMANDS)
+    in_groups = [name for names in grouped(COMMANDS).values() for name in names]
+    assert [words[0] for words in listed if words[0] in COMMANDS and len(words) > 1] == in_groups
+    assert sorted(in_groups) == sorted(COMMANDS)
+    assert "..." not in out.partition("Start:")[2]
+    assert all(len(line) <= 80 for line in out.splitlines())
+    assert all(f"{description(one)}\n" in out for one in COMMANDS.values())
 
 
 def test_unknown_command_names_the_nearest(monkeypatch, capsys):

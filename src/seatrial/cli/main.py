@@ -1,7 +1,7 @@
 """The command line: a table of commands, each a small function of `seatrial.cli.commands` that imports heavy libraries when called."""
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import typer
 from typer.core import TyperGroup
@@ -20,46 +20,48 @@ from seatrial.cli.commands.plan import design, plan, prior
 from seatrial.cli.running import run_app, with_answer
 from seatrial.core.errors import InputError
 
+Group = Literal["Start", "Before a trial", "Fit", "Decide", "Share"]
+
 
 class Command(NamedTuple):
     """One command.
 
     Attributes:
-        function: of `seatrial.cli.commands`, as typer calls it.
+        function: of `seatrial.cli.commands`, as typer calls it; the first line of its docstring is its description.
+        group: under which it is listed.
         makes: what it makes of a campaign, in a few words; the dashboard offers every command that makes something.
     """
 
     function: Callable[..., None]
+    group: Group
     makes: str = ""
 
 
 # By name, in the order in which they are listed. To add a command, see docs/dev/map.md.
 COMMANDS = {
-    "vehicle": Command(vehicle),
-    "init": Command(init),
-    "prior": Command(prior, "what the priors mean as speeds"),
-    "design": Command(design, "the most informative trial"),
-    "plan": Command(
-        plan, "all trials of a day and the chance of meeting the goals, or how many trials the goal will take"
-    ),
-    "simulate": Command(simulate, "the trial on the simulated vehicle"),
-    "inspect": Command(inspect),
-    "import": Command(import_logs, "records from logs"),
-    "live": Command(live),
-    "estimate": Command(estimate, "coefficients of every structure"),
-    "profile": Command(profile, "the range of each parameter that the data alone allow"),
-    "select": Command(select, "which terms the data support"),
-    "criteria": Command(criteria, "the structures by each information criterion"),
-    "crossvalidate": Command(crossvalidate, "which model predicts runs that were left out"),
-    "check": Command(check, "judge the records"),
-    "tuning": Command(tuning, "whether the filter is tuned"),
-    "calibrate": Command(calibrate, "whether the stated uncertainty is right"),
-    "next": Command(next_trial, "the next trial"),
-    "report": Command(report, "the page of results"),
-    "run": Command(run, "the whole loop, with the report"),
-    "explain": Command(explain),
-    "schema": Command(schema),
-    "export": Command(export, "the estimated vehicle as files for a simulator"),
+    "init": Command(init, "Start"),
+    "inspect": Command(inspect, "Start"),
+    "import": Command(import_logs, "Start", "records from logs"),
+    "check": Command(check, "Start", "judge the records"),
+    "run": Command(run, "Start", "the whole loop, with the report"),
+    "report": Command(report, "Start", "the page of results"),
+    "explain": Command(explain, "Start"),
+    "vehicle": Command(vehicle, "Before a trial"),
+    "prior": Command(prior, "Before a trial", "what the priors mean as speeds"),
+    "design": Command(design, "Before a trial", "the most informative trial"),
+    "plan": Command(plan, "Before a trial", "all trials of a day, or how many trials the goal will take"),
+    "simulate": Command(simulate, "Before a trial", "the trial on the simulated vehicle"),
+    "live": Command(live, "Before a trial"),
+    "estimate": Command(estimate, "Fit", "coefficients of every structure"),
+    "profile": Command(profile, "Fit", "the range of each parameter that the data alone allow"),
+    "calibrate": Command(calibrate, "Fit", "whether the stated uncertainty is right"),
+    "tuning": Command(tuning, "Fit", "whether the filter is tuned"),
+    "select": Command(select, "Decide", "which terms the data support"),
+    "criteria": Command(criteria, "Decide", "the structures by each information criterion"),
+    "crossvalidate": Command(crossvalidate, "Decide", "which model predicts runs that were left out"),
+    "next": Command(next_trial, "Decide", "the next trial"),
+    "export": Command(export, "Share", "the estimated vehicle as files for a simulator"),
+    "schema": Command(schema, "Share"),
 }
 # Former commands, and the command line that does their work now.
 RENAMED = {"rehearse": "seatrial plan DIR --vehicles 20"}
@@ -83,6 +85,17 @@ class _Commands(Mapping[str, Any]):
         return len(self._commands)
 
 
+def grouped(commands: Mapping[str, Command]) -> dict[Group, list[str]]:
+    """Return the names of commands by group, in the order of the groups."""
+    groups = {group: [name for name, one in commands.items() if one.group == group] for group in get_args(Group)}
+    return {group: names for group, names in groups.items() if names}
+
+
+def description(command: Command) -> str:
+    """Return one line about a command, without building the command."""
+    return (command.function.__doc__ or "").partition("\n")[0]
+
+
 def app_of(commands: Mapping[str, Command]) -> typer.Typer:
     """Return the command line of a table of commands."""
 
@@ -100,6 +113,12 @@ def app_of(commands: Mapping[str, Command]) -> typer.Typer:
                     remedy=f"`{RENAMED[cmd_name]}` does its work",
                 )
             return super().get_command(ctx, cmd_name)
+
+        def format_commands(self, ctx: Any, formatter: Any) -> None:
+            width = max(map(len, commands))
+            for group, members in grouped(commands).items():
+                with formatter.section(group):
+                    formatter.write_dl([(name.ljust(width), description(commands[name])) for name in members])
 
     app = typer.Typer(
         cls=Group,

@@ -42,7 +42,7 @@ def vehicle(
 def explain(
     code: Annotated[str | None, typer.Argument(help="Code of a finding; all codes are listed if left out.")] = None,
 ) -> None:
-    """Explain a finding: its meaning, how it is decided, and what to do."""
+    """Explain what a finding means, and what to do about it."""
     from seatrial.messages.catalogue import ENTRIES, entry_of
     from seatrial.messages.explain import explanation, listing
 
@@ -53,9 +53,10 @@ def explain(
 
 
 def schema() -> None:
-    """Print the JSON Schema of a campaign file, with which an editor completes and checks it.
+    """Print the JSON Schema of a campaign file, for an editor.
 
-    The first line of a template names it: write it beside campaign.toml, into campaign.schema.json.
+    An editor completes and checks the file by it. The first line of a template names it: write it beside campaign.toml, into
+    campaign.schema.json.
     """
     from seatrial.campaign.config.schema import json_schema
 

@@ -37,7 +37,7 @@ def simulate(
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Simulate the best design and, with the options below, further trials.
+    """Simulate the best design, and further trials if asked.
 
     A trial that is added stays: later commands estimate from its record too.
     """

@@ -9,6 +9,7 @@ from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.campaign.workflow.whole_run import TITLE
+from seatrial.cli.main import COMMANDS
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.reporter import duration_text
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
@@ -23,6 +24,14 @@ EVERY = 0.25
 """Seconds between looks at a command at work."""
 OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
 """Commands in words; that which exports has a form of its own, beside the report."""
+_GROUPS = [COMMANDS[name].group for name in OFFERED]
+HEADINGS = {_GROUPS.index(group): group for group in _GROUPS}
+"""Groups of commands, by the place of their first command."""
+OPTION = """
+<q-item-label header role="presentation" v-if="(HEADINGS)[props.opt.value]">{{ (HEADINGS)[props.opt.value] }}</q-item-label>
+<q-item v-bind="props.itemProps"><q-item-section><q-item-label>{{ props.opt.label }}</q-item-label></q-item-section></q-item>
+""".replace("HEADINGS", str(HEADINGS))
+"""An option of the list, below the heading of its group if it is the first of it."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -66,6 +75,7 @@ class CommandForm:
         self.context, self.folder = context, folder
         self.fields: dict[str, ui.input | ui.select | ui.checkbox] = {}
         self.command = ui.select(OFFERED, value="run", label="Command").props(LOOK).classes("wide")
+        self.command.add_slot("option", OPTION)
         self.command.on_value_change(self._show)
         self.place, self.said = ui.element("div"), ui.element("div")
         with ui.element("div").classes("line"):
