@@ -47,7 +47,8 @@ def test_the_mode_and_its_spread(tmp_path):
     assert max(apart(campaign, answer, 0)) < 4
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]
     assert "log evidence by Laplace" in answer.lines()[0]
-    contents, cause = answer.lines()[1 + len(answer.rows) :]
+    assert [line.split()[0] for line in answer.lines()[1:5]] == ["X_uabsu", "T_nabsn", "noise:", "sigma_u"]
+    contents, cause = answer.lines()[5:]
     assert (
         "(inertia 5 %, scale of speed sensors 1 % and time of commands 0.5 sample); errors of the formulas of forces (7 %)"
         in contents

@@ -1,5 +1,7 @@
 """`seatrial estimate --by`, `profile`, `select` and `criteria` as a user meets them."""
 
+import re
+
 import pytest
 
 from seatrial.cli.running import Exit
@@ -38,8 +40,15 @@ def test_modes_and_chains_of_every_structure(monkeypatch, capsys, tmp_path):
     write_small(tmp_path)
     code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "mode", "-q")
     assert code == Exit.OK, err
+    assert out.startswith("M-0, the most probable of 2 structures (log evidence by Laplace ")
+    assert len(re.findall(r"\n  M-1  without X_u  \d+\.\d nats  no caution\n", out)) == 1
+    code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "--by", "mode", "-q", "--verbose")
     assert out.count("log evidence by Laplace") == 2
     code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "-q")
     assert code == Exit.OK, err
+    assert (out.count("strongest correlation"), out.count("± contains")) == (1, 1)
+    assert out.index("  X_u ") < out.index("  noise:\n    sigma_u ") < out.index("the other structures")
+    assert len(out.splitlines()) <= 25
+    _, out, _ = run(monkeypatch, capsys, "estimate", tmp_path, "-q", "--verbose")
     assert out.count("strongest correlation") == 2
     assert "known/M-1.json" in " ".join(results(tmp_path))

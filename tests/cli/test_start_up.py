@@ -25,8 +25,8 @@ def said(*arguments):
         except SystemExit as end:
             return [end.code, out.getvalue(), [name for name in HEAVY if name in sys.modules]]
 """
-ASKED = [name for name, one in COMMANDS.items() if one.makes and name not in ("export", "import")]
-"""Commands about a simulated campaign."""
+ASKED = sorted(name for name, one in COMMANDS.items() if one.makes and name not in ("export", "import"))
+"""Commands about a simulated campaign, `report` before `run`, whose answer it would repeat."""
 
 
 def fresh(lines, *arguments):

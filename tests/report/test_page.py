@@ -25,7 +25,7 @@ from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
 from seatrial.report.sections.fits import fits_section
 from seatrial.report.sections.models import models_section
-from seatrial.report.sections.summary import answer, other_kinds
+from seatrial.report.sections.summary import answer
 from seatrial.selection.verdict import averaged
 from tests.report.outcomes import EVIL, FITTED, HELD, make_compared, make_contenders, make_outcome, make_pooled
 
@@ -239,13 +239,6 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
     assert following.index("The best design, should another trial be run</summary>") < following.index("<svg")
     is_settled = outcome.selection.is_settled
     assert ("How the two most probable models differ</summary>" in html) == is_settled
-
-
-def test_what_is_no_coefficient_is_said_to_be_what_it_is():
-    assert other_kinds(["sigma_u", "tau_u", "u_0[1]", "r_0[2]"]) == "noise and starting values"
-    assert (
-        other_kinds(["delay", "bias_u", "dead_f", "x_b"]) == "delay, offsets of sensors, thrusters and other unknowns"
-    )
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -103,7 +103,8 @@ def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also:
     options = {name: str(value) for name, value in asked.params.items() if name not in ("quiet", "as_json")}
     file, command, answer = home / FILE_NAME, str(asked.info_name), current_answer()
     # First answers stand beside the whole one: whoever asks for both in turn waits for neither.
-    place = "-".join([command, *(by for by in [options.get("by", "chains")] if by != "chains")])
+    by, is_verbose = options.get("by", "chains"), options.get("verbose") == "True"
+    place = "-".join([command, *[by] * (by != "chains"), *["verbose"] * is_verbose])
     with watching_files() as seen:
         text = file.read_text(encoding="utf-8", errors="replace") if is_there(file) else ""
         keys = {name: key_of_answer(home, text, {"command": name, **options}) for name in (command, also)}

@@ -49,7 +49,7 @@ def options_of(command: str) -> tuple[CommandOption, ...]:
     options = []
     for name, hint in get_type_hints(called, include_extras=True).items():
         about = next((one for one in getattr(hint, "__metadata__", ()) if isinstance(one, OptionInfo)), None)
-        if about is not None and name != "quiet" and Path not in _types(hint):
+        if about is not None and name not in ("quiet", "verbose") and Path not in _types(hint):
             options.append(_option(name, hint, about, defaults.get(name)))
     return tuple(options)
 

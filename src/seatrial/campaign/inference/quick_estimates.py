@@ -63,6 +63,7 @@ from seatrial.estimation.simulation.sensor_errors import (
 )
 from seatrial.messages.effects import contents_text, shares_text
 from seatrial.messages.render import sentence
+from seatrial.messages.values import value_lines
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -118,18 +119,26 @@ class FirstAnswer:
     symmetry: tuple[str, ...] = ()
     shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
+    @property
+    def state(self) -> str:
+        """Whether it can be used, in a few words; alarms and cautions have their reasons elsewhere."""
+        if self.alarm:
+            return "no answer, see below"
+        return "caution, see below" if self.cautions else "no caution"
+
     def lines(self) -> list[str]:
         """A table of the answer."""
         if self.alarm:
             return [f"{self.structure.label}  no answer"]
         head = "".join(f"{text:>24}" for text in self.heads) if len(self.heads) > 1 else ""
         messages = [f"{self.structure.label}  {self.note}", *([f"  {'':<16}{head}"] if head else [])]
+        texts = {}
         for name, unit, pairs in self.rows:
             factor, shown = self.shown.get(name, (1.0, unit))
             numbers = " ".join(f"{factor * value:>12.5g} ± {factor * sd:<8.3g}" for value, sd in pairs)
             made_of = shares_text(self.shares[name], self.causes.get(name, "")) if name in self.shares else ""
-            messages.append(f"  {name:<16} {numbers} {shown:<10} {made_of}".rstrip())
-        messages += [f"  {text}" for text in self.contains]
+            texts[name] = f"{numbers} {shown:<10} {made_of}".rstrip()
+        messages += [f"  {text}" for text in (*value_lines(texts, self.structure.terms), *self.contains)]
         lines = held_back_lines(self.held_back) if self.held_back else []
         return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]
 

@@ -1,11 +1,14 @@
 """What the records say: coefficients, how well each is known, and the terms they support."""
 
 from enum import StrEnum
+from math import inf
 from typing import Annotated, Any
 
 import typer
 
 from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+
+MAX_LINES = 10  # Structures of which `estimate` prints one line
 
 
 class By(StrEnum):
@@ -33,6 +36,9 @@ def estimate(
             help='With equation-error: width of the window that smooths the speed, such as "2 s", instead of using the channel udot.',
         ),
     ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print every structure in full, not the most probable one only.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Estimate the coefficients of every structure."""
@@ -43,8 +49,8 @@ def estimate(
 
         seconds = None if window is None else quantity(window, "s", "--window")
         if by is By.CHAINS:
-            return _by_chains(campaign, reporter, answer)
-        return _first_answers(campaign, reporter, answer, by, seconds)
+            return _by_chains(campaign, reporter, answer, verbose)
+        return _first_answers(campaign, reporter, answer, by, seconds, verbose)
 
     with_campaign(folder, quiet, work, context)
 
@@ -165,39 +171,30 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
     with_campaign(folder, quiet, work, context)
 
 
-def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
+def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> Exit:
     from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.coefficient_csv import write_coefficients
     from seatrial.campaign.inference.identifiability import known_after
-    from seatrial.campaign.inference.judge_predictions import held_back_cautions, held_back_lines, predict_held_back
+    from seatrial.campaign.inference.judge_predictions import held_back_cautions, predict_held_back
     from seatrial.campaign.workflow.steps import Workflow
-    from seatrial.messages.effects import shares_text
-    from seatrial.messages.known import known_lines
     from seatrial.messages.render import sentence
 
     flow = Workflow(campaign, reporter)
     trials = _checked_trials(campaign, flow, answer)
     estimates = flow.get("estimates")
-    verdicts, held_back, structures = [], [], []
+    verdicts, held_back, structures, in_full = [], [], [], []
     for item in estimates:
-        answer.say(f"{item.structure.label}")
-        for name in item.names:
-            row = item.data.sel(parameter=name)
-            factor, unit = campaign.shown(name, str(row["unit"].values))
-            numbers = f"{factor * float(row['mean']):>12.5g} ± {factor * float(row['sd']):<10.3g} {unit:<10}"
-            answer.say(f"  {name:<16} {numbers} {shares_text(item.shares(name), item.causes.get(name, ''))}".rstrip())
-        words = [item.contains, *map(sentence, item.cause_findings)]
-        answer.say("\n".join(f"  {line}" for line in words))
-        for name, label, mean, sd, si in item.own_values():
-            factor, unit = campaign.shown(name, si)
-            answer.say(f"  {name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
         held_back.append(predict_held_back(flow.get("candidates"), item, trials))
-        for line in held_back_lines(held_back[-1]):
-            answer.say(f"  {line}")
         known = known_after(flow.get("candidates"), item, trials)
-        answer.say("\n".join(known_lines(known, campaign.shown)))
         verdicts += known.verdict
+        words = [item.contains, *map(sentence, item.cause_findings)]
         structures.append({"estimate": item, "contains": words, "known": known, "held_back": held_back[-1].fits})
+        in_full.append("\n".join([item.structure.label, *_lines_of(campaign, item, words, held_back[-1], known)]))
+    rows = [
+        (one["estimate"].structure, one["estimate"].log_evidence_laplace, _state(one["estimate"], one["known"]))
+        for one in structures
+    ]
+    _say_structures(answer, in_full, rows, verbose)
     exact = taken_as_exact(campaign)
     if exact:
         answer.say(exact)
@@ -212,6 +209,66 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in verdicts)])
 
 
+def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, known: Any) -> list[str]:
+    """Return all that is printed of the posterior of one structure."""
+    from seatrial.campaign.inference.judge_predictions import held_back_lines
+    from seatrial.messages.effects import shares_text
+    from seatrial.messages.known import known_lines
+    from seatrial.messages.values import value_lines, value_text
+
+    texts = {}
+    for name in item.names:
+        row, made_of = item.data.sel(parameter=name), shares_text(item.shares(name), item.causes.get(name, ""))
+        unit = campaign.shown(name, str(row["unit"].values))
+        texts[name] = value_text(float(row["mean"]), float(row["sd"]), unit, made_of)
+    lines = [*value_lines(texts, item.structure.terms), *contains]
+    for name, label, mean, sd, si in item.own_values():
+        factor, unit = campaign.shown(name, si)
+        lines.append(f"{name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
+    return [*(f"  {line}" for line in (*lines, *held_back_lines(held_back))), *known_lines(known, campaign.shown)]
+
+
+def _state(item: Any, known: Any) -> str:
+    """Say in a few words whether a posterior can be used; alarms and cautions are printed below with their reasons."""
+    if item.alarms:
+        return "alarm, see below"
+    if item.at_bounds:
+        return "caution, see below"
+    return "parameters are not known separately" if known.verdict else "chains converged"
+
+
+def _say_structures(
+    answer: Answer, in_full: list[str], rows: list[tuple[Any, float | None, str]], verbose: bool
+) -> None:
+    """Print the most probable structure in full and a line about each other one.
+
+    Args:
+        answer: prints.
+        in_full: each structure; its first line begins with its label.
+        rows: each structure, its log evidence by Laplace, None if it has none, and its state.
+        verbose: whether all are printed in full.
+    """
+    from seatrial.core.result_table import aligned
+    from seatrial.messages.structures import change_words
+
+    best, *others = sorted(range(len(rows)), key=lambda at: -inf if rows[at][1] is None else rows[at][1], reverse=True)
+    (structure, highest, _), terms = rows[best], rows[best][0].terms
+    if verbose or highest is None or not others:
+        answer.say("\n".join(in_full))
+        return
+    _, _, more = in_full[best].partition("\n")
+    words = f"the most probable of {len(rows)} structures (log evidence by Laplace {highest:.2f})"
+    answer.say(f"{structure.label}, {words}: {' '.join(terms)}\n{more}")
+    lines = [
+        (one.label, change_words(terms, one.terms), "" if value is None else f"{highest - value:.1f} nats", state)
+        for one, value, state in (rows[at] for at in others[:MAX_LINES])
+    ]
+    left = len(others) - MAX_LINES
+    answer.say("the other structures, how much less log evidence they have, and their state:")
+    answer.say("\n".join(f"  {line}" for line in aligned(lines, left=(0, 1, 3))))
+    answer.say(f"  {f'and {left} more; ' if left > 0 else ''}`--verbose` prints each in full")
+
+
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
     """Return the records, and say before anything is fitted what is wrong with them and with priors of earlier campaigns."""
     from seatrial.campaign.config.earlier_campaigns import lost_correlations
@@ -223,7 +280,7 @@ def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
     return trials
 
 
-def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None) -> Exit:
+def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window: float | None, verbose: bool) -> Exit:
     from seatrial.campaign.config.taken_as_exact import taken_as_exact
     from seatrial.campaign.inference.judge_predictions import held_back_cautions
     from seatrial.campaign.inference.quick_estimates import (
@@ -240,8 +297,8 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     flow = Workflow(campaign, reporter)
     trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
     answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
-    for one in answers:
-        answer.say("\n".join(one.lines()))
+    rows = [(one.structure, one.log_evidence, one.state) for one in answers]
+    _say_structures(answer, ["\n".join(one.lines()) for one in answers], rows, verbose)
     exact = taken_as_exact(campaign)
     answer.give(by=by, first_answers=[_first_answer(one) for one in answers if not one.alarm], taken_as_exact=exact)
     if exact:

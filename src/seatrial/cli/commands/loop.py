@@ -175,14 +175,17 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
     from seatrial.messages.structures import QUOTED
+    from seatrial.messages.values import value_lines, value_text
     from seatrial.report.page import write_report
 
     summary = outcome.summary
     shown = outcome.campaign.shown
-    for row in summary.quote:
-        factor, unit = shown(row.name, row.unit)
-        numbers = f"{factor * row.mean:>12.5g} ± {factor * row.sd:<10.3g} {unit:<10}"
-        answer.say(f"  {row.name:<16} {numbers} {shares_text(row.shares, row.cause)}".rstrip())
+    values = {
+        row.name: value_text(row.mean, row.sd, shown(row.name, row.unit), shares_text(row.shares, row.cause))
+        for row in summary.quote
+    }
+    terms = {term for row in summary.structures for term in row.terms}
+    answer.say("\n".join(f"  {line}" for line in value_lines(values, terms)))
     if not outcome.own_alarms:
         answer.say(f"  These are the values to quote: {QUOTED[summary.quoted]}.")
     answer.say(f"  {outcome.chosen.contains}")

@@ -12,6 +12,7 @@ from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.messages.known import parts_of, verdict_of
 from seatrial.messages.render import sentence
+from seatrial.messages.values import other_kinds
 from seatrial.report.drawing import (
     Drawing,
     digits_of,
@@ -28,7 +29,6 @@ from seatrial.report.figures.parameters import Traced, belief_rows, chain_rows, 
 from seatrial.report.figures.posterior import PriorShape
 from seatrial.report.labels import label_html, label_mathtext, name_html
 from seatrial.report.numbers import DASH, decimals, plain, short, typeset, with_sd
-from seatrial.report.sections.summary import other_kinds
 from seatrial.sampling.diagnostics import MAX_R_HAT, MIN_ESS
 
 # Share of the prior's standard deviation left, and correlation, beyond which a number is flagged.

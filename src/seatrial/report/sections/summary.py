@@ -1,7 +1,7 @@
 """The first screen: the answer in a sentence, the values, which model, what next and what is wrong."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from seatrial.messages.effects import shares_text
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
 from seatrial.messages.render import sentence, sentences
 from seatrial.messages.structures import QUOTED, condition_of
+from seatrial.messages.values import other_kinds
 from seatrial.report.drawing import (
     digits_of,
     factors_of,
@@ -33,25 +34,6 @@ from seatrial.selection.verdict import StoredAverage
 
 RARE = 0.01  # Probability below which a term that the chosen model lacks is not worth a row
 MAX_MODELS = 5  # Models that the first screen names
-# What a parameter that is no coefficient is, by the first word of its name.
-KINDS = {
-    "sigma": "noise",
-    "tau": "noise",
-    "dof": "noise",
-    "drift": "noise",
-    "process": "noise",
-    "disturbance": "disturbances",
-    "bias": "offsets of sensors",
-    "lag": "lags",
-    "delay": "delay",
-    "current": "current",
-    "gain": "thrusters",
-    "reverse": "thrusters",
-    "dead": "thrusters",
-    "tether": "tether",
-    "spread": "differences between trials",
-    "dev": "differences between trials",
-}
 _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 
@@ -210,16 +192,6 @@ def _models(outcome: Outcome) -> list[dict[str, Any]]:
         named.append((Markup("models that were screened out"), "", selection.outside))
     rows = [{"name": name, "label": label, "share": p, "probability": probability(p)} for name, label, p in named]
     return rows if len(order) > 1 else []
-
-
-def other_kinds(names: Sequence[str]) -> str:
-    """Say what parameters are that are no coefficients: `noise and starting values`."""
-    bases = [name.partition("[")[0] for name in names]
-    kinds = [
-        "starting values" if base.endswith("_0") else KINDS.get(base.partition("_")[0], "other unknowns")
-        for base in bases
-    ]
-    return listed(list(dict.fromkeys(kinds)))
 
 
 def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

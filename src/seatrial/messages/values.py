@@ -1,0 +1,52 @@
+"""Values of parameters in lines: the coefficients first, then whatever else was estimated."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+from seatrial.core.display_units import listed
+
+# What a parameter that is no coefficient is, by the first word of its name.
+KINDS = {
+    "sigma": "noise",
+    "tau": "noise",
+    "dof": "noise",
+    "drift": "noise",
+    "process": "noise",
+    "disturbance": "disturbances",
+    "bias": "offsets of sensors",
+    "lag": "lags",
+    "delay": "delay",
+    "current": "current",
+    "gain": "thrusters",
+    "reverse": "thrusters",
+    "dead": "thrusters",
+    "tether": "tether",
+    "spread": "differences between trials",
+    "dev": "differences between trials",
+}
+
+
+def other_kinds(names: Sequence[str]) -> str:
+    """Say what parameters are that are no coefficients: `noise and starting values`."""
+    bases = [name.partition("[")[0] for name in names]
+    kinds = [
+        "starting values" if base.endswith("_0") else KINDS.get(base.partition("_")[0], "other unknowns")
+        for base in bases
+    ]
+    return listed(list(dict.fromkeys(kinds)))
+
+
+def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = "") -> str:
+    """Return a value with its ± in the unit in which it is shown, of which there are so many in an SI unit, and what the ± is made of."""
+    factor, unit = shown
+    return f"{factor * mean:>12.5g} ± {factor * sd:<10.3g} {unit:<10} {made_of}".rstrip()
+
+
+def value_lines(texts: Mapping[str, str], terms: Collection[str]) -> list[str]:
+    """Return a line for each parameter: the terms of a structure, then a heading and the others."""
+    others = [name for name in texts if name not in terms]
+    lines = [f"{name:<16} {text}" for name, text in texts.items() if name in terms]
+    return [
+        *lines,
+        *([f"{other_kinds(others)}:"] if others else []),
+        *(f"  {name:<14} {texts[name]}" for name in others),
+    ]
