@@ -6,9 +6,12 @@ import threading
 import numpy as np
 import pytest
 
+from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.workflow import whole_run
-from seatrial.campaign.workflow.whole_run import TITLE, WholeRun, expected_seconds, learn, learnt
+from seatrial.campaign.workflow.steps import Workflow
+from seatrial.campaign.workflow.whole_run import TITLE, WholeRun, expected_seconds, learn, learnt, timed
 from seatrial.core.reporter import remaining
+from tests.campaign.small import write_small
 
 
 class Told:
@@ -214,3 +217,15 @@ def test_a_larger_likelihood_takes_longer(clock):
     clock[0] = 1600.0
     run.end()
     assert learnt()["estimates"] == pytest.approx(0.5 * (30.0 + 40.0))
+
+
+@pytest.mark.parametrize(("state", "said"), [("missing", [40, 30]), ("current", [])])
+def test_work_says_how_long_it_took_before(clock, tmp_path, monkeypatch, state, said):
+    flow, lines = Workflow(load_campaign(write_small(tmp_path / "small"))), []
+    told = Told()
+    told.say = lines.append
+    for seconds in (40.0, 20.0, 1.0):
+        with timed(flow, told, "estimates"):
+            clock[0] += seconds
+        monkeypatch.setattr(Workflow, "state", lambda *_: state)
+    assert lines == [f"about {seconds} s, by what this took before in this campaign" for seconds in said]

@@ -153,6 +153,11 @@ def compiled_for(seconds: float) -> None:
         )
 
 
+def seconds_of_compiling() -> float:
+    """Return how long programs took to be compiled so far in this process, all together."""
+    return _compiling
+
+
 def _cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "seatrial"
 

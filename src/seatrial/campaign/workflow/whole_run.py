@@ -4,13 +4,14 @@ import json
 import os
 import threading
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from seatrial.compiled.engine import cache_directory
-from seatrial.core.reporter import Bar, Reporter, remaining
+from seatrial.campaign.workflow.steps import STEPS, Workflow
+from seatrial.compiled.engine import cache_directory, seconds_of_compiling
+from seatrial.core.reporter import Bar, Reporter, duration_text, remaining
 
 if TYPE_CHECKING:
     from seatrial.campaign.config.campaign import Campaign
@@ -34,6 +35,9 @@ EARLY_SHARE = 0.1  # Share of a step's own bars from which they say more of its 
 SILENT_SHARE = 0.2  # Likewise, more of a step whose bars say nothing
 EVERY = 1.0  # Seconds between two looks while no step reports anything
 SIZED_STEPS = ("estimates", "selection")  # Steps whose time grows with the work of a likelihood
+LEAST_SAID = 2.0  # Seconds of work from which how long it takes is said before
+MAX_COMPILING = 0.2  # Share of the time, beyond which it says nothing of the next time
+MAX_KEPT = 1000  # Steps and campaigns of which the file keeps the seconds
 DEMO_SIZE = 6000  # Samples times states of the demo campaign, over its four structures
 # Share of the whole run that the pace of its steps has to outweigh: short steps say little about long ones
 UNSURE_SHARE = 0.25
@@ -180,6 +184,31 @@ def expected_seconds(steps: Sequence[str], size: float = 1.0) -> dict[str, float
     return {step: one * (size if step in SIZED_STEPS else 1.0) for step, one in seconds.items()}
 
 
+@contextmanager
+def timed(flow: Workflow, reporter: Reporter, step: str, of: str = "") -> Iterator[None]:
+    """Say how long work takes by what it took in this campaign before, and keep how long it takes now.
+
+    The first time nothing is said, and nothing is said or kept if the step is current. Work that compiles programs takes longer than it
+    will the next time, and is not kept.
+
+    Args:
+        flow: steps of the campaign, none of them made yet.
+        reporter: told before the work begins.
+        step: that takes most of the time.
+        of: what else the time depends on, such as a number of vehicles.
+    """
+    if STEPS[step].files and flow.state(step) == "current":
+        yield
+        return
+    name, began, compiled = f"{step} {of} {flow.campaign.folder.resolve()}", time.monotonic(), seconds_of_compiling()
+    if (seconds := learnt().get(name, 0.0)) >= LEAST_SAID:
+        reporter.say(f"about {duration_text(seconds)}, by what this took before in this campaign")
+    yield
+    seconds = time.monotonic() - began
+    if seconds_of_compiling() - compiled <= MAX_COMPILING * seconds:
+        learn(name, seconds)
+
+
 def learnt() -> dict[str, float]:
     """Return the seconds that each step took on this machine for a likelihood of size 1; an unreadable file knows nothing."""
     try:
@@ -192,7 +221,8 @@ def learnt() -> dict[str, float]:
 def learn(step: str, seconds: float) -> None:
     """Keep how long a step took, averaged with what is known of it; where nothing can be written, nothing is learnt."""
     known = learnt()
-    known[step] = round(0.5 * (known.get(step, seconds) + seconds), 2)
+    known[step] = round(0.5 * (known.pop(step, seconds) + seconds), 2)  # the newest last
+    known = dict(list(known.items())[-MAX_KEPT:])
     with suppress(OSError):  # written plainly, since no answer rests on this file
         _place().parent.mkdir(parents=True, exist_ok=True)
         beside = _place().with_suffix(f".{os.getpid()}")

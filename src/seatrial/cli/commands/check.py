@@ -108,10 +108,13 @@ def calibrate(
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.campaign.workflow.whole_run import timed
         from seatrial.messages.predictions import calibration_report
         from seatrial.report.figure_files import write_calibration_picture
 
-        result = Workflow(campaign, reporter, replicates=replicates, method=method).get("calibration")
+        flow = Workflow(campaign, reporter, replicates=replicates, method=method)
+        with timed(flow, reporter, "calibration", of=f"{replicates} {method}"):
+            result = flow.get("calibration")
         answer.say("\n".join(calibration_report(result)))
         answer.give(
             structure=result.structure,

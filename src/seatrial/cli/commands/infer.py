@@ -83,14 +83,16 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.campaign.workflow.whole_run import timed
         from seatrial.messages.structures import agreement_words, contenders_lines, screening_lines
         from seatrial.report.figure_files import write_select_picture
 
         flow = Workflow(campaign, reporter)
-        screened, cautions = flow.get("screening")
-        if screened is not None:
-            answer.say("\n".join(screening_lines(screened)))
-        campaign, selection = flow.get("candidates"), flow.get("selection")
+        with timed(flow, reporter, "selection"):
+            screened, cautions = flow.get("screening")
+            if screened is not None:
+                answer.say("\n".join(screening_lines(screened)))
+            campaign, selection = flow.get("candidates"), flow.get("selection")
         for row, evidence in zip(selection.rows, selection.evidences, strict=True):
             value = f"log evidence {row.log_evidence:.3f} ± {row.log_evidence_error:.3f}"
             if row.log_evidence_with_errors is not None:
@@ -161,9 +163,12 @@ def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) 
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.campaign.workflow.whole_run import timed
         from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement
 
-        result = Workflow(campaign, reporter).get("cross_validation")
+        flow = Workflow(campaign, reporter)
+        with timed(flow, reporter, "cross_validation"):
+            result = flow.get("cross_validation")
         answer.say("\n".join(cross_validation_lines(result)))
         answer.give_result(result)
         return answer.finish([*filter(None, [disagreement(result)])], complaints(result))
@@ -177,19 +182,21 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> E
     from seatrial.campaign.inference.identifiability import known_after
     from seatrial.campaign.inference.judge_predictions import held_back_cautions, predict_held_back
     from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.campaign.workflow.whole_run import timed
     from seatrial.messages.render import sentence
 
     flow = Workflow(campaign, reporter)
-    trials = _checked_trials(campaign, flow, answer)
-    estimates = flow.get("estimates")
     verdicts, held_back, structures, in_full = [], [], [], []
-    for item in estimates:
-        held_back.append(predict_held_back(flow.get("candidates"), item, trials))
-        known = known_after(flow.get("candidates"), item, trials)
-        verdicts += known.verdict
-        words = [item.contains, *map(sentence, item.cause_findings)]
-        structures.append({"estimate": item, "contains": words, "known": known, "held_back": held_back[-1].fits})
-        in_full.append("\n".join([item.structure.label, *_lines_of(campaign, item, words, held_back[-1], known)]))
+    with timed(flow, reporter, "estimates"):
+        trials = _checked_trials(campaign, flow, answer)
+        estimates = flow.get("estimates")
+        for item in estimates:
+            held_back.append(predict_held_back(flow.get("candidates"), item, trials))
+            known = known_after(flow.get("candidates"), item, trials)
+            verdicts += known.verdict
+            words = [item.contains, *map(sentence, item.cause_findings)]
+            structures.append({"estimate": item, "contains": words, "known": known, "held_back": held_back[-1].fits})
+            in_full.append("\n".join([item.structure.label, *_lines_of(campaign, item, words, held_back[-1], known)]))
     rows = [
         (one["estimate"].structure, one["estimate"].log_evidence_laplace, _state(one["estimate"], one["known"]))
         for one in structures
@@ -251,7 +258,8 @@ def _say_structures(
     from seatrial.core.result_table import aligned
     from seatrial.messages.structures import change_words
 
-    best, *others = sorted(range(len(rows)), key=lambda at: -inf if rows[at][1] is None else rows[at][1], reverse=True)
+    evidences = [-inf if value is None else value for _, value, _ in rows]
+    best, *others = sorted(range(len(rows)), key=evidences.__getitem__, reverse=True)
     (structure, highest, _), terms = rows[best], rows[best][0].terms
     if verbose or highest is None or not others:
         answer.say("\n".join(in_full))

@@ -68,8 +68,12 @@ def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_sequence
+        from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.campaign.workflow.whole_run import timed
 
-        return _tell_and_report(answer, *run_sequence(campaign, reporter))
+        with timed(Workflow(campaign), reporter, "estimates", of="and the rest"):
+            results = run_sequence(campaign, reporter)
+        return _tell_and_report(answer, *results)
 
     with_campaign(folder, quiet, work, context)
 

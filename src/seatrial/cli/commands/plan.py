@@ -163,17 +163,21 @@ def plan(
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
+        from seatrial.campaign.workflow.whole_run import timed
 
         if not vehicles:
             from seatrial.messages.designs import plan_lines
 
-            trials = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
+            with timed(Workflow(campaign), reporter, "plan"):
+                trials = Workflow(campaign, reporter, so_far=_so_far(campaign, reporter)).get("plan")
             answer.say("\n".join(plan_lines(trials)))
             answer.give_result(trials)
             return answer.finish([], [])
         from seatrial.report.figure_files import write_rehearsal_picture
 
-        rehearsal = Workflow(campaign, reporter, vehicles=vehicles).get("rehearsal")
+        flow = Workflow(campaign, reporter, vehicles=vehicles)
+        with timed(flow, reporter, "rehearsal", of=str(vehicles)):
+            rehearsal = flow.get("rehearsal")
         answer.say("\n".join(rehearsal.lines()))
         strategies = [
             {
