@@ -19,7 +19,7 @@ ONE, FOUR, C = "seatrial, one chain", "seatrial, four chains in step", "C, scala
 def speed(cores: int) -> list[Row | Ratio]:
     """Adaptive Metropolis at the paper's size, from the posterior mode, compiled beforehand."""
     problem = paper_problem()
-    mode = find_mode(problem.posterior, jax.random.key(0))
+    mode = find_mode(problem.posterior, key=jax.random.key(0))
     points, draws = near(mode), {}
     theirs = np.array([_c_log_likelihood(problem, point) for point in points])
     agree("log-likelihoods of seatrial and scalar C", problem.log_likelihoods(points), theirs, 1e-8)

@@ -20,12 +20,12 @@ def seconds(cores: int) -> list[Row | Ratio]:
     """Mode and Laplace covariance; then the default run and its diagnostics after them; compiled beforehand, new seeds each time."""
     posterior = paper_problem().posterior
     seeds = iter(range(100))
-    first = alternate({"": lambda: find_mode(posterior, jax.random.key(next(seeds)))}, REPEATS)[""]
-    settings = fitting(DEFAULT, posterior, find_mode(posterior, jax.random.key(0)), np.inf)
+    first = alternate({"": lambda: find_mode(posterior, key=jax.random.key(next(seeds)))}, REPEATS)[""]
+    settings = fitting(DEFAULT, posterior, find_mode(posterior, key=jax.random.key(0)), np.inf)
     waits, health = [], []
     for seed in range(REPEATS + 1):
         start = time.perf_counter()
-        found = timed(DEFAULT, posterior, find_mode(posterior, jax.random.key(seed)), settings, seed)
+        found = timed(DEFAULT, posterior, find_mode(posterior, key=jax.random.key(seed)), settings, seed)
         drawn = time.perf_counter()
         health.append(diagnose(found.draws))
         end = time.perf_counter()

@@ -212,7 +212,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 @cache
 def _mode() -> tuple[np.ndarray, np.ndarray]:
     """Mode and covariance of the paper's posterior, found once, so that chains on both devices start alike."""
-    mode = find_mode(paper_problem().posterior, jax.random.key(0))
+    mode = find_mode(paper_problem().posterior, key=jax.random.key(0))
     return mode.z, mode.cov
 
 

@@ -39,7 +39,7 @@ def effective(cores: int) -> list[Row | Ratio]:
     Its NUTS is NumPyro's, whose gradients were counted, at the time of a gradient of PyMC.
     """
     problem = paper_problem()
-    mode = find_mode(problem.posterior, jax.random.key(0))
+    mode = find_mode(problem.posterior, key=jax.random.key(0))
     rows, rates, reference = _ours(problem, mode, cores)
     nuts_rows, nuts_rates, cost = _numpyro(problem, mode, reference, cores)
     pymc_rows, pymc_rates = _pymc(problem, mode, reference, cost, cores)
@@ -73,7 +73,7 @@ def _ours(problem: Problem, mode: Mode, cores: int) -> tuple[list[Row], dict[str
 def _with_mode(name: str, problem: Problem, settings: ChainSettings, seed: int) -> tuple[Timed, float]:
     """A run from a mode that is searched anew, and the seconds of both."""
     start = time.perf_counter()
-    mode = find_mode(problem.posterior, jax.random.key(seed))
+    mode = find_mode(problem.posterior, key=jax.random.key(seed))
     return timed(name, problem.posterior, mode, settings, seed), time.perf_counter() - start
 
 

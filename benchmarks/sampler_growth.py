@@ -48,7 +48,7 @@ def chains(cores: int) -> list[Row]:
 def _rows(group: str, what: str, posterior: Posterior, chains: tuple[int, ...] | None, cores: int) -> list[Row]:
     """Seconds of the mode, and effective samples per second of each sampler with everything counted but compilation."""
     modes: list[Mode] = []
-    seconds = alternate({"": lambda: modes.append(find_mode(posterior, jax.random.key(len(modes))))}, 2)[""]
+    seconds = alternate({"": lambda: modes.append(find_mode(posterior, key=jax.random.key(len(modes))))}, 2)[""]
     found = [row(group, f"{what} mode and Laplace covariance".strip(), cores, "s", seconds, 1.0)]
     for name, usual in CHAINS.items():
         for count in chains or (usual,):

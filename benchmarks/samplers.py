@@ -20,7 +20,7 @@ GROUP = "surge posterior, 1 500 steps of 0.04 s, 4 parameters"
 def sampling(cores: int) -> list[Row | Ratio]:
     """Adaptive Metropolis from the posterior mode, warm-up counted, and tempered SMC evidence; compiled beforehand."""
     posterior = joint_posterior(0, 1_500)
-    mode, settings = find_mode(posterior, jax.random.key(0)), ChainSettings()
+    mode, settings = find_mode(posterior, key=jax.random.key(0)), ChainSettings()
     spread = jax.random.multivariate_normal(jax.random.key(1), mode.z, mode.cov, (settings.chains,))
     rates = []
     for seed in range(6):

@@ -193,7 +193,7 @@ ESTIMATE: dict[str, Callable[[Posterior, jax.Array], Evidence]] = {
     "nested": nested_evidence,
     "prior": partial(prior_evidence, draws=PRIOR_DRAWS),
     "savage-dickey": bayes_factor,
-    DEFAULT: lambda posterior, key: log_evidence(posterior, Keys(*jax.random.split(key))),
+    DEFAULT: lambda posterior, key: log_evidence(posterior, key=Keys(*jax.random.split(key))),
 }
 """What is run, by name; the last is what `seatrial select` does for a structure, its pieces in order."""
 

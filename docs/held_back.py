@@ -246,7 +246,7 @@ def posterior_of(records: list[st.Record], error: str) -> Posterior:
 def covered(truth: dict[str, float], records: list[st.Record]) -> dict:
     """Fit runs, and return how far the coefficients are off and how wide the ± with all errors is, over the one of the model."""
     posterior = posterior_of(records, "white")
-    mode = st.find_mode(posterior, 1)
+    mode = st.find_mode(posterior, key=1)
     own = [mode.names.index(name) for name in truth]
     found = {"off": [float((mode.values[i] - truth[mode.names[i]]) / mode.sd[i]) for i in own]}
     for words, stated in STATED.items():
@@ -259,7 +259,7 @@ def judged(truth: dict[str, float], records: list[st.Record], error: str) -> dic
     """Fit some runs, judge the bands by others, and return the verdict, whether it is so, and which coefficients are covered."""
     fitted, new, further = records[:FITTED], records[FITTED : FITTED + JUDGED], records[FITTED + JUDGED :]
     posterior = posterior_of(fitted, error)
-    draws = drawn(posterior, st.find_mode(posterior, 1))
+    draws = drawn(posterior, st.find_mode(posterior, key=1))
     found = judge_runs([predicted(posterior, draws, record).run("u") for record in new], "u")
     beyond = [predicted(posterior, draws, record) for record in further]
     beyond = np.abs(np.concatenate([(one.measured - one.mean)[:, 0] / one.sd[:, 0] for one in beyond]))

@@ -139,7 +139,7 @@ def judge(present: list[bool], records: list[st.Record], draws: int) -> dict:
     sets, posteriors = structures(records)
     modes, near = [], None
     for one in posteriors[::-1]:  # the full one first
-        mode = st.find_mode(one, 1, starts=16 if near else 256, tries=1 if near else 3, near=near)
+        mode = st.find_mode(one, key=1, starts=16 if near else 256, tries=1 if near else 3, near=near)
         near = near or mode.by_name
         modes.insert(0, mode)
     pairs, size = [*zip(posteriors, modes, strict=True)], ImportanceSettings(draws, 1024)

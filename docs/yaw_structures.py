@@ -153,7 +153,7 @@ def try_out(name: str, terms: Sequence[str], records: dict[str, Record]) -> Trie
         parameters.append(Parameter(f"sigma_{state}", "", "", LogUniform(1e-4, 0.2)))
         parameters.append(Parameter(f"tau_{state}", "s", "", LogUniform(0.5, 100.0)))
     posterior = Posterior(tuple(parameters), likelihood, data)
-    mode = find_mode(posterior, jax.random.key(1), starts=512)
+    mode = find_mode(posterior, key=jax.random.key(1), starts=512)
     values = dict(zip(posterior.names, mode.values.tolist(), strict=True))
     explained = {}
     for run, record in records.items():

@@ -30,7 +30,7 @@ def main() -> None:
         "sigma_u": st.LogUniform(0.002, 0.2),
     }
     posterior = st.make_posterior(full, first, priors, start=START)
-    print(st.error_budget(posterior, st.find_mode(posterior, 1), st.StatedErrors(inertia=0.02)))
+    print(st.error_budget(posterior, st.find_mode(posterior, key=1), st.StatedErrors(inertia=0.02)))
     draws = st.sample(posterior, settings=st.ChainSettings(chains=16, warmup=400, draws=800))
     print(draws)
     explained = st.predict(posterior, draws, second, start=START).score("u").explained
@@ -40,7 +40,7 @@ def main() -> None:
     without = {name: prior for name, prior in priors.items() if name != "X_u"}
     rival = st.make_posterior(simple, first, without, start=START)
     size = st.EvidenceSettings(repeats=2, smc=st.SMCSettings(particles=256))
-    print(st.compare({"with X_u": posterior, "without": rival}, size))
+    print(st.compare({"with X_u": posterior, "without": rival}, settings=size))
 
     amplitudes, periods = np.linspace(100, 300, 5) * RPM, [5.0, 10.0, 15.0, 20.0]
     problem = st.make_design_problem(full, draws, family, amplitudes, periods, NOISE, start=START, rates=RATES)

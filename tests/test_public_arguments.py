@@ -1,5 +1,6 @@
 """What nobody can mean is refused by every public function, by the name of the argument, and never in silence or with a traceback."""
 
+import inspect
 import re
 from dataclasses import replace
 
@@ -34,7 +35,7 @@ def posterior(record):
 
 
 def test_errors_are_weighed_of_a_posterior_and_its_mode(posterior):
-    mode = st.find_mode(posterior, 1)
+    mode = st.find_mode(posterior, key=1)
     assert repr(st.error_budget(posterior, mode)).startswith("Standard deviations with all errors, SI")
     refused(r"mode\n.*\n.*a Mode\n.*find_mode", st.error_budget, posterior, posterior)
     refused(r"stated\n.*\n.*\n.*StatedErrors", st.error_budget, posterior, mode, 0.05)
@@ -182,7 +183,7 @@ def test_settings_and_parts(make, message):
         (lambda p: st.sample(p, st.ChainSettings()), "settings="),
         (lambda p: st.sample(p, "mcmc"), "independence-metropolis"),
         (lambda p: st.sample(p, "nutz"), 'did you mean "nuts"'),
-        (lambda p: st.sample(p, "tempered-smc", st.ChainSettings()), "SMCSettings"),
+        (lambda p: st.sample(p, "tempered-smc", settings=st.ChainSettings()), "SMCSettings"),
         (lambda p: st.sample(p, None), "method"),
         (lambda p: st.sample(p, settings=100), "ChainSettings"),
         (lambda p: st.sample(None), "posterior"),
@@ -192,7 +193,7 @@ def test_settings_and_parts(make, message):
         (lambda p: st.find_mode(p, tries=0), "tries"),
         (lambda p: st.profile_likelihood(p, p), "mode"),
         (lambda p: st.log_evidence(None), "posterior"),
-        (lambda p: st.log_evidence(p, st.EvidenceSettings()), "key"),
+        (lambda p: st.log_evidence(p, key=st.EvidenceSettings()), "key"),
         (lambda p: st.log_evidence(p, settings=4), "settings"),
         (lambda p: st.compare([p, p]), "posteriors"),
         (lambda p: st.compare({"a": p, "b": None}), r'posteriors\["b"\]'),
@@ -217,6 +218,17 @@ def test_draws_are_a_container_of_names(posterior):
     refused('did you mean "X_uabsu"', lambda: draws["X_uabs"])
     refused("draws\n.*0", lambda: draws[0])
     refused("names", draws.array, "X_uabsu")
+
+
+def test_settings_and_key_are_keywords_in_one_order():
+    order = ("settings", "key", "progress")
+    functions = {name: thing for name in st.__all__ if inspect.isfunction(thing := getattr(st, name))}
+    for name, function in functions.items():
+        parameters = inspect.signature(function).parameters
+        assert not {"keys", "seed", "rng"} & set(parameters), name
+        assert [one for one in parameters if one in order] == [one for one in order if one in parameters], name
+        assert all(parameters[one].kind is inspect.Parameter.KEYWORD_ONLY for one in order if one in parameters), name
+    assert {"sample", "compare", "log_evidence"} <= set(functions)
 
 
 DESIGN = {
@@ -245,6 +257,7 @@ DESIGN = {
         ({"rates": {"u": 1000.0}}, r'rates\["u"\]\n.*1000 samples a second\n.*to 10, one at every time'),
         ({"rates": {"u": 0.01}}, r'rates\["u"\]\n.*0.01 samples a second'),
         ({"period": []}, "period"),
+        ({"key": 0.5}, "key"),
         ({"noise": {}}, "noise"),
         ({"noise": 0.02}, "noise"),
         ({"noise": {"u": 0.0}}, r'noise\["u"\]'),

@@ -67,7 +67,7 @@ def _fit(problem: Problem, campaign: Campaign) -> "Ours":
         tell(index, len(campaign.structures))
         posterior = study.posterior(structure)
         try:
-            mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"))
+            mode = find_mode(posterior, key=random_key(campaign.seed, f"mode {structure.terms}"))
         except NumericalError as error:
             failures.append(error)
             continue

@@ -89,7 +89,7 @@ def table_6_part(study: Study, full: bool) -> xr.Dataset:
 def starts_part(study: Study) -> xr.Dataset:
     """Return how long a chain takes to arrive from the paper's first estimates, half the truth, and from the posterior mode."""
     posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
-    mode = find_mode(posterior, study.random_key("mode"))
+    mode = find_mode(posterior, key=study.random_key("mode"))
     half = [0.5 * study.reading.truth.get(name, study.reading.sigma) for name in posterior.names]
     first = {"half the truth": posterior.unconstrain(jnp.asarray(half)), "posterior mode": jnp.asarray(mode.z)}
     settings = ChainSettings(study.sizes.chains, 2000, 100)
@@ -164,7 +164,7 @@ def _sample(study: Study, posterior: Posterior, sampler: ModuleType, title: str)
     sizes = study.sizes
     settings = ChainSettings(sizes.chains, sizes.burn_in, sizes.draws)
     mode_key, start_key, key = jax.random.split(study.random_key(title), 3)
-    mode = find_mode(posterior, mode_key)
+    mode = find_mode(posterior, key=mode_key)
     starts = jax.random.multivariate_normal(start_key, mode.z, mode.cov, (sizes.chains,)).at[0].set(mode.z)
     run: ChainRun = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
     report, total = study.progress(f"{title}, {sizes.chains} chains"), sizes.burn_in + sizes.draws

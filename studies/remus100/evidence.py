@@ -310,7 +310,7 @@ def _column(listing: ListingOne, name: str) -> np.ndarray:
 def _bridge(posterior: Posterior, key: jax.Array, draws: int) -> Evidence:
     """Bridge sampling from adaptive Metropolis draws, so many of each of 32 chains."""
     mode_key, start_key, chain_key, key = jax.random.split(key, 4)
-    mode = find_mode(posterior, mode_key)
+    mode = find_mode(posterior, key=mode_key)
     settings = ChainSettings(warmup=max(200, draws // 4), draws=draws)
     noise = jax.random.normal(start_key, (settings.chains, posterior.dim))
     starts = jnp.asarray(mode.z) + noise @ jnp.linalg.cholesky(jnp.asarray(mode.cov)).T

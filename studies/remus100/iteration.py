@@ -258,9 +258,11 @@ def _numbers(study: Study, reading: Reading) -> xr.Dataset:
         truth=true_state(reading),
     )
     scale = np.array([reading.print_scales[name] for name in NAMES])
-    fitted = find_mode(paper_posterior(reading, [paper_trial(reading, None)], None), study.random_key("readings")).sd
+    fitted = find_mode(
+        paper_posterior(reading, [paper_trial(reading, None)], None), key=study.random_key("readings")
+    ).sd
     small = paper_trial(reading, reading.doubted_values[0])
-    full = find_mode(paper_posterior(reading, [small], wide(reading)), study.random_key("readings")).sd
+    full = find_mode(paper_posterior(reading, [small], wide(reading)), key=study.random_key("readings")).sd
     probability, logs = [], []
     for value in reading.doubted_values:
         record = paper_trial(reading, value)

@@ -103,7 +103,7 @@ def quadratic(values, data):
 def fitted(prior, centre, sd=0.1, edge=1e9, name="X_u"):
     data = tuple(jnp.asarray(x, float) for x in ([centre, 0.2], sd, edge))
     target = posterior({name: prior, "b": Uniform(-1.0, 1.0)}, quadratic, data)
-    return target, find_mode(target, KEY)
+    return target, find_mode(target, key=KEY)
 
 
 def cautions(target, mode):

@@ -57,7 +57,7 @@ def test_truth_is_within_two_standard_deviations_in_twenty_bags(tmp_path):
         bag["write_bag"](folder / "pool", pulse, dict(zip(names, states.T, strict=True)), seed)
         campaign = load_campaign(folder)
         posterior = build_posterior(campaign, campaign.full, get_trials(campaign).fit)
-        mode = find_mode(posterior, random_key(seed, "mode"))
+        mode = find_mode(posterior, key=random_key(seed, "mode"))
         at = [mode.names.index(name) for name in truth]
         off.append((mode.values[at] - list(truth.values())) / mode.sd[at])
         attitude.append(np.mean([mode.by_name[f"sigma_q_{part}"] ** 2 for part in "wxyz"]))

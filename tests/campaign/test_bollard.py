@@ -111,7 +111,7 @@ def campaign(folder, rows, *changes, head="t,left,right,battery,gauge", text=VEH
 
 def mode_of(found):
     posterior = build_posterior(found, found.full, get_trials(found).fit)
-    mode = find_mode(posterior, random_key(1, "mode"))
+    mode = find_mode(posterior, key=random_key(1, "mode"))
     return posterior, mode, dict(zip(mode.names, zip(mode.values, mode.sd, strict=True), strict=True))
 
 

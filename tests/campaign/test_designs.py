@@ -180,7 +180,7 @@ def test_library_designs_the_trial_of_a_campaign(tmp_path):
         made.noise,
         start=dict(zip(model.states, made.state_trim(model), strict=True)),
         limits=made.control_limits,
-        seed=made.seed,
+        key=made.seed,
     )
     ours, theirs = st.design_trial(problem), design_first(made)
     assert [sweep.family for sweep in ours.sweeps] == [sweep.family for sweep in theirs.sweeps]

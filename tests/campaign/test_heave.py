@@ -102,7 +102,7 @@ def test_the_net_weight_of_each_dive(tmp_path):
     campaign = write_heave(tmp_path)
     posterior = build_posterior(campaign, campaign.full, get_trials(campaign).fit)
     assert {"spread_net_weight", *(f"dev_net_weight[{label}]" for label in WEIGHTS)} <= {*posterior.names}
-    mode = find_mode(posterior, random_key(1, "mode"))
+    mode = find_mode(posterior, key=random_key(1, "mode"))
     found = dict(zip(mode.names, mode.values, strict=True))
     assert found["Z_wabsw"] == pytest.approx(DRAG, rel=0.05)
     for label, weight in WEIGHTS.items():

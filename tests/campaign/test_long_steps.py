@@ -41,7 +41,7 @@ def fitted(folder, step):
     campaign = load_campaign(folder)
     (record,) = get_trials(campaign).fit
     posterior = build_posterior(campaign, campaign.full, [record])
-    return posterior, find_mode(posterior, 0), record
+    return posterior, find_mode(posterior, key=0), record
 
 
 @pytest.mark.proof

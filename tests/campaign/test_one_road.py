@@ -177,7 +177,7 @@ def design(flow, model, start):
     limits = st.Limits(0.0, 1500 * RPM)
     amplitude, period = campaign.design.grid()
     problem = st.make_design_problem(
-        model, beliefs, campaign.families, amplitude, period, {"u": 0.05}, start=start, limits=limits, seed=SEED
+        model, beliefs, campaign.families, amplitude, period, {"u": 0.05}, start=start, limits=limits, key=SEED
     )
     return st.design_trial(problem)
 
@@ -194,7 +194,7 @@ def posterior(record, model, start):
 
 @pytest.fixture(scope="module")
 def mode(posterior):
-    return st.find_mode(posterior, key_of(f"mode {TERMS}"))
+    return st.find_mode(posterior, key=key_of(f"mode {TERMS}"))
 
 
 def test_design(flow, design):

@@ -105,7 +105,7 @@ def test_a_goal_is_for_the_noise_what_errors_of_stated_inputs_leave(tmp_path):
     record = st.simulate(model, TRUE | {"sigma_u": 1e-3}, st.Schedule(time, {"n": n}), ["u"], start={"u": 1.5})
     wide = {name: st.Normal(value, abs(value)) for name, value in TRUE.items()}
     posterior = st.make_posterior(model, record, wide | {"sigma_u": st.LogUniform(1e-4, 0.1)}, ["u"], start={"u": 1.5})
-    mode = st.find_mode(posterior, 1)
+    mode = st.find_mode(posterior, key=1)
     without, whole = (error_budget(posterior, mode, one) for one in (EXACT, StatedErrors(clock=0.0, force=0.0)))
     for name, value in TRUE.items():
         within = float(mode.sd[mode.names.index(name)])

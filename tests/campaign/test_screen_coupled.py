@@ -48,7 +48,7 @@ def test_terms_of_three_axes_are_screened_about_the_mode_of_all(tmp_path, log): 
     assert [set(one.terms) for one in with_shortlist(found, trials).structures][-1] == TRUE
     expected = float(screened.data["log_evidence"].values[0] - screened.data["log_evidence"].values[1])
     alone = [
-        find_mode(build_posterior(found, one, trials.fit), random_key(1, "mode")).log_evidence
+        find_mode(build_posterior(found, one, trials.fit), key=random_key(1, "mode")).log_evidence
         for one in (Structure("a", best), Structure("b", second))
     ]
     assert alone[0] - alone[1] == pytest.approx(expected, abs=0.1)

@@ -78,7 +78,7 @@ def test_modes_are_those_of_each_by_itself(study):
     for structure in study.campaign.structures:
         (mode,) = known.of(structure)
         mode = mode.only(study.posterior(structure).places)
-        alone = find_mode(build_posterior(study.campaign, structure, study.records), KEY)
+        alone = find_mode(build_posterior(study.campaign, structure, study.records), key=KEY)
         order = [alone.names.index(name) for name in mode.names]
         np.testing.assert_array_less(abs(mode.values - alone.values[order]), 1e-4 * alone.sd[order])
         assert mode.sd == pytest.approx(alone.sd[order], rel=1e-3)
@@ -117,7 +117,7 @@ def test_a_value_that_varies_may_be_absent(tmp_path):
     study = Study(campaign, [*trials, *(replace(one, label="again") for one in trials)])
     without = next(one for one in campaign.structures if "X_u" not in one.terms)
     posterior = study.posterior(without)
-    target, mode = uncouple(posterior, find_mode(posterior, KEY))
+    target, mode = uncouple(posterior, find_mode(posterior, key=KEY))
     x = np.asarray(jax.random.normal(KEY, (4, target.dim))) * 0.1 + mode.z
     assert np.isfinite(np.asarray(jax.vmap(target.log_prior)(x))).all()
     absent = np.delete(np.arange(target.dim), posterior.places)

@@ -99,7 +99,7 @@ def test_a_straight_run_cannot_tell_it_from_damping_ahead(tmp_path):
     log = np.column_stack([command, command, np.full(600, 1500)]), shown
     found = campaign(tmp_path, ('"0.1 m", "0 m"]\nlinear', '"0 m", "0 m"]\nlinear'), log=log)
     posterior = build_posterior(found, found.full, get_trials(found).fit)
-    judged = identifiability_of_fit(posterior, find_mode(posterior, random_key(1, "mode")))
+    judged = identifiability_of_fit(posterior, find_mode(posterior, key=random_key(1, "mode")))
     assert [one.names for one in judged.groups] == [("X_u", "tether_linear")]
     said = "\n".join(identifiability_cautions(judged))
     assert "X_u - tether_linear to 0." in said

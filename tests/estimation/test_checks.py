@@ -16,7 +16,7 @@ KEY = jax.random.key(0)
 
 def problem(priors, centre, precision):
     target = normal_about(priors, centre, precision)
-    return target, find_mode(target, KEY)
+    return target, find_mode(target, key=KEY)
 
 
 def checked(prior, centre, sd):

@@ -56,12 +56,12 @@ def test_a_cut_normal_has_the_moments_of_a_dense_sum(edges):
 def test_a_box_that_cuts_the_posterior_has_the_evidence_of_a_dense_sum(beyond):
     """The bound lies some standard deviations below the mode without it: at 3 the mode lies at the bound. Uniform in both boxes."""
     posterior = posterior_of(terms=("X_uabsu", "T_nabsn"), start=1e-5, drag=(-6.0, -1.0))
-    mode = find_mode(posterior, 0, starts=64, tries=1)
+    mode = find_mode(posterior, key=0, starts=64, tries=1)
     bound = mode.by_name["X_uabsu"] - beyond * mode.sd[mode.names.index("X_uabsu")]
     logs = []
     for upper in (-1.0, bound):
         narrow = posterior_of(terms=("X_uabsu", "T_nabsn"), start=1e-5, drag=(-6.0, upper))
-        here = find_mode(narrow, 0, starts=64, tries=1)
+        here = find_mode(narrow, key=0, starts=64, tries=1)
         at = lay_out(narrow, inside(here.z, edges_of(narrow)), EXACT, among=())
         model = LinearModel(narrow, at)
         model.channels = [(count, shapes[:1]) for count, shapes in model.channels]
@@ -84,7 +84,7 @@ def test_a_box_that_cuts_the_posterior_has_the_evidence_of_a_dense_sum(beyond):
 def test_a_delay_at_its_bound_leaves_the_other_errors_in_place():
     """A delay of none is at the lower bound of its prior, as that of many vehicles: the effects are weighed all the same."""
     posterior = posterior_of(delay=True)
-    budget = error_budget(posterior, find_mode(posterior, 0, starts=64, tries=1))
+    budget = error_budget(posterior, find_mode(posterior, key=0, starts=64, tries=1))
     assert budget.tried
     assert np.isfinite(budget.ratio).all()
     assert min(budget.ratio[budget.names.index(name)] for name in TRUTH) > 3
@@ -212,7 +212,7 @@ def two_axes_of(coupling, drag=0.0, seed=2):
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
     posterior = two_axes_of(coupling)
-    found = error_budget(posterior, find_mode(posterior, 0), EXACT).omitted
+    found = error_budget(posterior, find_mode(posterior, key=0), EXACT).omitted
     assert [one.effect.of for one in found] == ["M_tau_X"] * (coupling > 0)
     assert all(abs(one.size - coupling) < 4 * one.sd for one in found)
 
@@ -220,7 +220,7 @@ def test_a_command_that_acts_on_another_axis_too_is_found(coupling):
 def test_two_effects_that_are_missing_are_both_found():
     """Residuals of either axis are hardly worth a sample in fifty: what the first effect leaves must not hide the second."""
     posterior = two_axes_of(coupling=0.3, drag=3.0)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     omitted = error_budget(posterior, mode, EXACT)
     assert {one.effect.of for one in omitted.omitted} == {"M_tau_X", "X_uabsu"}
     sizes = {one.effect.of: (one.size, one.sd) for one in omitted.omitted}
@@ -252,7 +252,7 @@ def test_a_command_that_was_measured_while_it_changed_leads_by_half_a_step(is_li
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
     priors |= {"sigma_u": LogUniform(1e-5, 0.5), "u_0": Normal(1.5, 0.3)}
     posterior = make_posterior(whole_vehicle(FIXED_HULL, tuple(TRUTH), moves=("u",)), record, priors, ["u"])
-    found = error_budget(posterior, find_mode(posterior, 0), EXACT).omitted
+    found = error_budget(posterior, find_mode(posterior, key=0), EXACT).omitted
     assert [one.effect.kind for one in found[:1]] == ["clock"] * is_line
     assert not is_line or abs(found[0].size - STEP / 2) < 4 * found[0].sd + 0.002
 
@@ -265,7 +265,7 @@ def away(posterior, mode):
 @pytest.mark.parametrize(("noise", "drift"), [("white", 0.0), pytest.param("drifting", 0.05, marks=pytest.mark.proof)])
 def test_nothing_is_found_where_nothing_is_missing(noise, drift):
     posterior = posterior_of(noise=noise, drift=drift)
-    found = error_budget(posterior, find_mode(posterior, 0), EXACT)
+    found = error_budget(posterior, find_mode(posterior, key=0), EXACT)
     assert found.omitted == ()
     assert len(found.tried) >= 5
     spread = dict(zip(found.names, found.ratio, strict=True))
@@ -302,7 +302,7 @@ def test_a_backlash_is_found_with_its_size():
 def test_a_stated_force_covers_a_drag_that_the_data_do_not_show():
     """Linear and quadratic drag do for one as u^1.5: nothing is found, and the coefficients are far off."""
     posterior = posterior_of(half=1.0)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     off = away(posterior, mode)
     assert min(off["X_u"], off["X_uabsu"]) > 4
     at = [posterior.names.index(name) for name in off]
@@ -316,7 +316,7 @@ def test_a_stated_force_covers_a_drag_that_the_data_do_not_show():
 def test_a_lag_is_found_with_its_size_and_what_it_does():
     """No lag has a first-order size: Newton's steps have to reach 0.8 s from none; the delay that looks alike loses."""
     posterior = posterior_of(lag=0.8)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     found = error_budget(posterior, mode, EXACT)
     lag = found.omitted[0]
     assert (lag.effect.kind, lag.effect.of) == ("command lag", "n")
@@ -334,7 +334,7 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
 def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
     """A clock that is late by 0.8 s, and drag that is linear too: a lag does best alone, and nothing once the delay is found."""
     posterior = posterior_of(late=8, seed=seed, terms=("X_uabsu", "T_nabsn"))
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     omitted = error_budget(posterior, mode, EXACT)
     at = posterior.names.index("T_nabsn")
     assert 1.645 * omitted.ratio[at] > 0.9 * abs(mode.by_name["T_nabsn"] - TRUTH["T_nabsn"]) / mode.sd[at] > 5
@@ -355,7 +355,7 @@ def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):
 def test_a_cubic_drag_is_found(noise, cubic, seed):
     """A noise with a memory takes up what is missing: nothing is found, or a constant force, as long as it stays as it was fitted."""
     posterior = posterior_of(cubic=cubic, seed=seed, noise=noise)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     found = error_budget(posterior, mode, EXACT)
     assert [one.effect.of for one in found.omitted] == ["X_u3"]
     assert abs(found.omitted[0].size + cubic) < 4 * found.omitted[0].sd
@@ -382,7 +382,7 @@ def test_on_a_long_record_the_smooth_force_may_wait_for_the_second_round(cubic, 
 
 def test_a_density_of_ones_own_has_none():
     own = posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)})
-    found = error_budget(own, find_mode(own, 0))
+    found = error_budget(own, find_mode(own, key=0))
     assert (found.omitted, found.tried) == ((), ())
     assert found.ratio == pytest.approx([1.0])
 
@@ -390,7 +390,7 @@ def test_a_density_of_ones_own_has_none():
 def test_a_set_of_sources_has_the_density_and_values_of_the_dense_normal():
     """Log density of y with z and w integrated out, written out by the covariance of all measurements; differences between sets."""
     posterior = posterior_of(cubic=0.5)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     at = lay_out(posterior, mode.z, EXACT)
     assert at is not None
     model = LinearModel(posterior, at)
@@ -425,7 +425,7 @@ def test_a_set_of_sources_has_the_density_and_values_of_the_dense_normal():
 def test_a_stated_inertia_is_in_every_force():
     """All forces are in proportion to the inertia: 5 % of it is 5 % of each coefficient, in quadrature with what it was."""
     posterior = posterior_of()
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     found = error_budget(posterior, mode, StatedErrors(inertia=0.05, scale=0.0, clock=0.0, force=0.0))
     exact = error_budget(posterior, mode, EXACT)
     for name, least in (("T_nabsn", 0.8), ("X_uabsu", 0.05)):
@@ -480,7 +480,7 @@ def test_a_stated_mass_that_the_data_contradict_is_reported_with_the_right_one()
     found = []
     for mass, error in ((1.25, 0.05), (1.0001, 0.01)):
         posterior, stated = posterior_of(stated=mass), StatedErrors(inertia=error, scale=0.0, clock=0.0, force=0.0)
-        found.append(contradictions(error_budget(posterior, find_mode(posterior, 0), stated), stated))
+        found.append(contradictions(error_budget(posterior, find_mode(posterior, key=0), stated), stated))
     ((first,), second) = found
     assert (first.code, first.values["effects"]) == ("input-contradicted", (("inertia", "X"),))
     assert first.values["size"] == pytest.approx(-0.2, abs=4 * first.values["sd"])
@@ -518,7 +518,7 @@ def test_intervals_hold_where_runs_differ_or_noise_is_slow(differ, slow, narrow,
     within, wider, ratios = [], [], []
     for seed in range(40):
         posterior = runs_of(seed, differ=differ, slow=slow)
-        mode = find_mode(posterior, 0, starts=64, tries=1)
+        mode = find_mode(posterior, key=0, starts=64, tries=1)
         found = error_budget(posterior, mode, EXACT)
         off = np.array(list(away(posterior, mode).values())) / stats.norm.ppf(0.95)
         ratio = np.array([found.ratio[found.names.index(name)] for name in TRUTH])
@@ -541,7 +541,7 @@ def test_a_model_of_another_motion_has_no_standard_deviation():
     priors = {"X_u": Normal(-1.2, 0.5), "X_uabsu": Normal(-3.0, 1.0), "T_nabsn": Normal(6e-4, 1e-4)}
     priors |= {"sigma_u": LogUniform(0.002, 5.0), "u_0": Normal(1.5, 0.3)}
     posterior = make_posterior(whole_vehicle(FIXED_HULL, tuple(TRUTH), moves=("u",)), record, priors, [Sensor("u")])
-    mode = find_mode(posterior, 0, starts=64, tries=1)
+    mode = find_mode(posterior, key=0, starts=64, tries=1)
     budget = error_budget(posterior, mode)
     assert [one.level for one in describes_nothing(budget)] == ["alarm"]
     for name in TRUTH:
@@ -553,4 +553,4 @@ def test_a_model_of_another_motion_has_no_standard_deviation():
 @pytest.mark.proof
 def test_slow_residuals_under_white_noise_are_seen():
     posterior = runs_of(3, count=2, slow=0.05)
-    assert error_budget(posterior, find_mode(posterior, 0), EXACT).slow == ("u",)
+    assert error_budget(posterior, find_mode(posterior, key=0), EXACT).slow == ("u",)

@@ -16,7 +16,7 @@ from tests.estimation.test_error_budget import TRUTH, posterior_of
 
 
 def at(posterior):
-    return find_mode(posterior, 0, starts=64, tries=1)
+    return find_mode(posterior, key=0, starts=64, tries=1)
 
 
 def test_a_stated_inertia_is_integrated_out():

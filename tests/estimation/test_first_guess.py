@@ -148,7 +148,7 @@ def test_the_mode_is_found_where_draws_of_wide_priors_end_on_another_hill():
     plain = Posterior(tuple(parameters), likelihood, data)
     draws = np.array(plain.sample_prior(jax.random.key(0), 32))
     alone = maximise_from(plain, draws[np.argmax(evaluate(plain, draws))])
-    helped = find_mode(Posterior(plain.parameters, likelihood, data, places), jax.random.key(0), starts=32, tries=1)
+    helped = find_mode(Posterior(plain.parameters, likelihood, data, places), key=jax.random.key(0), starts=32, tries=1)
     assert helped.log_density > alone.log_density + 50
     for value, sd, (name, truth) in zip(helped.values, helped.sd, TRUTH.items(), strict=False):
         assert abs(value - truth) < 4 * sd, name

@@ -90,7 +90,7 @@ def test_trim_only():
 @pytest.mark.proof
 def test_golden_fit():
     target = golden_posterior("M-1")
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     found = identifiability_of_fit(target, mode, at=AT)
     assert found.sd == pytest.approx(mode.sd, rel=1e-9)
     assert found.contraction == pytest.approx(mode.sd / [p.prior.sd for p in target.parameters], rel=1e-9)
@@ -236,14 +236,14 @@ def unseen_case(*lost):
 @pytest.mark.proof
 def test_one_channel_all_missing():
     target = unseen_case("udot")
-    found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
+    found = identifiability_of_fit(target, find_mode(target, key=KEY), at=AT)
     assert found.untouched == ("sigma_udot",)
     assert any(text.startswith("no measurement of udot is left") for text in identifiability_cautions(found))
 
 
 def test_every_channel_missing():
     target = unseen_case("u", "udot")
-    found = identifiability_of_fit(target, find_mode(target, KEY), at=AT)
+    found = identifiability_of_fit(target, find_mode(target, key=KEY), at=AT)
     assert found.untouched == target.names
     assert identifiability_cautions(found)[0].startswith("the data say nothing about any parameter")
 
@@ -320,7 +320,7 @@ def test_expected_covariance_is_that_of_both_informations():
 def test_covariance_of_a_fit_has_the_signs_of_the_information():
     """Drag is negative, thrust positive, priors wide: correlations are those of the information, and draws have their own."""
     target = golden_posterior("M-1")
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     inverse = np.linalg.inv(likelihood_information(target, mode.values)[:3, :3])
     sd = np.sqrt(np.diag(inverse))
     fit = identifiability_of_fit(target, mode)
@@ -333,7 +333,7 @@ def test_covariance_of_a_fit_has_the_signs_of_the_information():
 def test_a_fit_knows_no_less_than_its_prior():
     """Where a hardly informed coefficient of three decades lies near its upper end, the slope of its logarithm promises five times more."""
     target = posterior({"a": LogUniform(1.0, 1e3)}, lambda v, data: -0.5 * ((v["a"] - 900.0) / 3e3) ** 2)
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     assert mode.sd > 2 * target.parameters[0].prior.sd
     assert identifiability_of_fit(target, mode).contraction == pytest.approx([1.0])
 

@@ -32,7 +32,7 @@ TWO_SD = float(Uniform(-10.0, 10.0).constrain(-2.0))
 @pytest.mark.parametrize("d", [1, 2, 6])
 def test_laplace_is_exact_for_a_linear_gaussian_model(d):
     problem = linear_gaussian(d)
-    mode = find_mode(problem.posterior, KEY)
+    mode = find_mode(problem.posterior, key=KEY)
     mean, cov = problem.moments
     assert mode.values == pytest.approx(mean, abs=1e-7)
     assert mode.sd == pytest.approx(np.sqrt(np.diag(cov)), rel=1e-8)
@@ -45,7 +45,7 @@ def test_laplace_is_exact_for_a_linear_gaussian_model(d):
 
 def test_sharp_peak_in_a_wide_box():
     """Ten sigma inside the box, the evidence is the likelihood's integral over the width."""
-    mode = find_mode(normal_about({"X_u": Uniform(-10.0, 10.0)}, [3.2], [[1e6]]), KEY)
+    mode = find_mode(normal_about({"X_u": Uniform(-10.0, 10.0)}, [3.2], [[1e6]]), key=KEY)
     assert mode.values == pytest.approx([3.2], abs=1e-8)
     assert mode.sd == pytest.approx([1e-3], rel=1e-6)
     assert mode.log_evidence == pytest.approx(np.log(1e-3 * np.sqrt(2 * np.pi) / 20), abs=1e-6)
@@ -64,7 +64,7 @@ def test_each_peak_is_climbed_once_and_the_highest_wins(likelihood, peaks, top, 
     """Of all 512 draws, only one on each side of the valley has anything to show; the prior pulls the narrow peak in by 1/2501."""
     climb, ends = module._maximise, []
     monkeypatch.setattr(module, "_maximise", lambda *start, **rest: ends.append(climb(*start, **rest)) or ends[-1])
-    mode = find_mode(posterior({"a": Normal(0.0, 5.0)}, likelihood), KEY, tries=512)
+    mode = find_mode(posterior({"a": Normal(0.0, 5.0)}, likelihood), key=KEY, tries=512)
     assert mode.values == pytest.approx([top], abs=1e-7)
     assert len(ends) == peaks
     assert np.ptp([z[0] for z, _ in ends]) == pytest.approx(1.4 * (peaks - 1), abs=0.01)
@@ -74,7 +74,7 @@ def test_mode_beside_a_region_of_zero_likelihood():
     def cut(values, data):
         return jnp.where(values["a"] < 1.0, -0.5 * ((values["a"] - 0.5) / 0.1) ** 2, -jnp.inf)
 
-    mode = find_mode(posterior({"a": Uniform(-20.0, 20.0)}, cut), KEY)
+    mode = find_mode(posterior({"a": Uniform(-20.0, 20.0)}, cut), key=KEY)
     assert mode.values == pytest.approx([0.5], abs=1e-7)
     assert mode.sd == pytest.approx([0.1], rel=1e-6)
 
@@ -82,19 +82,19 @@ def test_mode_beside_a_region_of_zero_likelihood():
 @pytest.mark.parametrize("seed", range(4))
 def test_direction_the_data_do_not_see_keeps_the_spread_of_the_prior(seed):
     target = normal_about({"a": Uniform(0.0, 2.0), "b": Uniform(-6.0, 6.0)}, [0.9, 0.0], np.diag([1e4, 0.0]))
-    mode = find_mode(target, jax.random.key(seed))
+    mode = find_mode(target, key=jax.random.key(seed))
     assert mode.flat
     assert mode.sd == pytest.approx([0.01, 12 / np.sqrt(12)], rel=1e-3)
 
 
 def test_no_finite_likelihood():
     with pytest.raises(NumericalError, match=r"none of 64 draws.*Narrow the prior"):
-        find_mode(posterior({"a": Normal(0.0, 1.0)}, lambda v, data: -jnp.inf + 0 * v["a"]), KEY, starts=64)
+        find_mode(posterior({"a": Normal(0.0, 1.0)}, lambda v, data: -jnp.inf + 0 * v["a"]), key=KEY, starts=64)
 
 
 def test_same_key_same_bits():
     problem = linear_gaussian(2).posterior
-    assert find_mode(problem, KEY).z.tobytes() == find_mode(problem, KEY).z.tobytes()
+    assert find_mode(problem, key=KEY).z.tobytes() == find_mode(problem, key=KEY).z.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_same_key_same_bits():
 )
 def test_golden_posterior(model, means, sds):
     """The mode lies within .1 sd of the golden mean, and its curvature gives the golden sds to 3 %."""
-    mode = find_mode(golden_posterior(model), KEY)
+    mode = find_mode(golden_posterior(model), key=KEY)
     unit = np.array([1.0, 1.0, THRUST_UNIT, 1.0])[: len(means)]
     assert np.abs((mode.values[: len(means)] / unit - means) / sds).max() < 0.1
     assert mode.sd[: len(means)] / unit == pytest.approx(sds, rel=0.03)
@@ -123,7 +123,7 @@ def rippled(values, data):
 def test_delay_is_known_as_well_as_its_profile_over_all_peaks():
     """Against quadrature: of delay over its prior, of `a` in closed form."""
     target = posterior({"delay": Uniform(0.0, 1.0), "a": Uniform(-10.0, 10.0)}, rippled)
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     delay = np.linspace(0.0, 1.0, 200_001)
     density = np.exp(4.0 * np.cos(2 * np.pi * (delay - 0.303) / 0.02) - 0.5 * ((delay - 0.3) / 0.02) ** 2)
     area = np.trapezoid(density, delay)
@@ -143,8 +143,8 @@ def test_mode_without_what_is_absent_is_that_of_the_rest_alone():
         return -0.5 * ((values["a"] - 0.9) / 0.1) ** 2
 
     priors = {"b": Normal(3.0, 7.0), "a": Normal(0.0, 2.0)}
-    found = find_mode(posterior(priors, seen), KEY).only(np.array([1]))
-    alone = find_mode(posterior({"a": priors["a"]}, seen), KEY)
+    found = find_mode(posterior(priors, seen), key=KEY).only(np.array([1]))
+    alone = find_mode(posterior({"a": priors["a"]}, seen), key=KEY)
     for one, other in zip(found, alone, strict=True):
         assert one == (pytest.approx(other, abs=1e-9) if isinstance(other, float | np.ndarray) else other)
 
@@ -156,7 +156,7 @@ def test_curvature_where_the_likelihood_still_rises_is_that_of_the_density_in_z(
         {"a": Uniform(0.0, 2.0), "b": LogNormal(1.0, 2.0)},
         lambda v, data: -0.5 * ((v["a"] - 1.9) / 0.4) ** 2 - 0.5 * ((v["a"] * v["b"] - 5.0) / 0.8) ** 2,
     )
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     np.testing.assert_allclose(mode.precision, -jax.hessian(target.log_density)(jnp.asarray(mode.z)), rtol=1e-6)
 
 
@@ -164,7 +164,7 @@ def test_what_is_expected_of_the_others_if_some_are_known():
     """The conditional mean of a normal density, by inverting the block of what is known."""
     problem = linear_gaussian(4)
     mean, cov = problem.moments
-    mode = find_mode(problem.posterior, KEY)
+    mode = find_mode(problem.posterior, key=KEY)
     known, rest = [1, 3], [0, 2]
     off = np.array([0.4, -0.2]) - mean[known]
     expected = mean[rest] + cov[np.ix_(rest, known)] @ np.linalg.inv(cov[np.ix_(known, known)]) @ off
@@ -181,7 +181,7 @@ def broad_and_sharp(values, data):
 @pytest.mark.parametrize(("near", "found"), [({"a": 7.0}, 7.0), ({"a": -11.0}, TWO_SD), ({}, 0.0), (None, 0.0)])
 def test_a_peak_that_is_told_of(near, found):
     """No draw meets a peak a millionth as wide as its box; what lies outside the box is moved to two standard deviations of z."""
-    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, broad_and_sharp), KEY, near=near)
+    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0)}, broad_and_sharp), key=KEY, near=near)
     # Beside a bound the density of z is steeper than a peak of this width: the mode lies within a width of it.
     assert mode.values == pytest.approx([found], abs=1.1e-5 if found == TWO_SD else 1e-6)
 
@@ -197,7 +197,7 @@ def test_a_structure_is_no_lower_than_the_mode_of_one_that_it_contains():
     """With the further term at zero, it has the density of the other and the prior density of that term."""
     drag, extra = Normal(0.0, 5.0), Uniform(-5.0, 1.0)
     wide, small = (posterior({"N_r": drag, **more}, ridge) for more in ({"N_rdot": extra}, {}))
-    stuck, peak = find_mode(wide, KEY), find_mode(small, KEY, near={"N_r": -2.0})
+    stuck, peak = find_mode(wide, key=KEY), find_mode(small, key=KEY, near={"N_r": -2.0})
     assert stuck.log_density < peak.log_density - 10.0
     better = higher_mode(wide, stuck, [peak])
     assert better.by_name == pytest.approx({"N_r": -2.0, "N_rdot": 0.0}, abs=1e-6)
@@ -206,7 +206,7 @@ def test_a_structure_is_no_lower_than_the_mode_of_one_that_it_contains():
     assert higher_mode(wide, better, [peak]) is None
     assert higher_mode(wide, stuck, []) is None
     # The other way round too, as of a term at zero nothing is lost.
-    assert higher_mode(small, find_mode(small, KEY), [better]).values == pytest.approx(peak.values, abs=1e-6)
+    assert higher_mode(small, find_mode(small, key=KEY), [better]).values == pytest.approx(peak.values, abs=1e-6)
     assert higher_mode(wide, None, [peak]).z == pytest.approx(better.z, abs=1e-6)
 
 
@@ -225,7 +225,7 @@ def test_a_structure_is_no_lower_than_the_mode_of_one_that_it_contains():
     ],
 )
 def test_a_parameter_at_a_bound_of_its_prior_is_named(prior, centre, sd, bound):
-    mode = find_mode(normal_about({"X_u": prior}, [centre], [[sd**-2]]), KEY)
+    mode = find_mode(normal_about({"X_u": prior}, [centre], [[sd**-2]]), key=KEY)
     bounds = [f"{one.values['value']:g}" for one in mode.at_bounds]
     assert bounds == ([bound] if bound else [])
     assert ("at-prior-bound: X_u" in repr(mode)) == bool(bound)
@@ -235,7 +235,7 @@ def test_what_is_not_told_is_taken_from_the_middle_of_the_prior():
     def peak(values, data):
         return 20.0 - 0.5 * ((values["a"] - 7.0) / 1e-5) ** 2 - 0.5 * values["b"] ** 2
 
-    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0), "b": Normal(0.0, 1.0)}, peak), KEY, near={"a": 7.0})
+    mode = find_mode(posterior({"a": Uniform(-10.0, 10.0), "b": Normal(0.0, 1.0)}, peak), key=KEY, near={"a": 7.0})
     assert mode.values == pytest.approx([7.0, 0.0], abs=1e-5)
 
 
@@ -245,7 +245,7 @@ def test_what_is_not_told_is_taken_from_the_middle_of_the_prior():
 )
 def test_what_is_told_in_vain_is_refused(near, message):
     with pytest.raises(InputError, match=message):
-        find_mode(posterior({"a": Uniform(-10.0, 10.0)}, lambda v, data: -(v["a"] ** 2)), KEY, near=near)
+        find_mode(posterior({"a": Uniform(-10.0, 10.0)}, lambda v, data: -(v["a"] ** 2)), key=KEY, near=near)
 
 
 def test_a_step_to_where_the_density_is_zero_is_refused():
@@ -307,7 +307,7 @@ def test_no_start_leads_higher_with_slow_noise(drift, monkeypatch):
     target, _ = surge_posterior(slow=slow)
     climbs, expand = [], module._expand
     monkeypatch.setattr(module, "_expand", lambda *a, **k: climbs.append(0) or expand(*a, **k))
-    found = find_mode(target, KEY)
+    found = find_mode(target, key=KEY)
     assert len(climbs) < 50
     draws = np.array(target.sample_prior(KEY, 200))
     best = draws[np.argsort(-module._heights(target, draws))[:3]]
@@ -336,7 +336,7 @@ def test_the_slow_noise_of_a_start_remembers_about_as_long_as_the_error_does(mem
 
 def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch):
     target, _ = surge_posterior()
-    whole = find_mode(target, KEY)
+    whole = find_mode(target, key=KEY)
     monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
     sizes, inner = [], module._maximise
     monkeypatch.setattr(
@@ -344,7 +344,7 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
         "_maximise",
         lambda post, *rest, **more: sizes.append(post.data.step.shape[1]) or inner(post, *rest, **more),
     )
-    long = find_mode(target, KEY)
+    long = find_mode(target, key=KEY)
     assert sizes[0] == target.data.step.shape[1] // module.N_PARTS
     assert sizes[-1] == target.data.step.shape[1]
     assert (np.abs(long.values - whole.values) < 1e-6 * whole.sd).all()
@@ -353,7 +353,7 @@ def test_a_long_record_has_the_mode_that_a_search_of_all_of_it_finds(monkeypatch
 
 def test_a_part_that_leads_nowhere_does_not_lose_the_whole(monkeypatch):
     target, _ = surge_posterior()
-    whole = find_mode(target, KEY)
+    whole = find_mode(target, key=KEY)
     monkeypatch.setattr(module, "MIN_LONG_SAMPLES", 100)
     length, inner = target.data.step.shape[1], module._maximise
 
@@ -363,7 +363,7 @@ def test_a_part_that_leads_nowhere_does_not_lose_the_whole(monkeypatch):
         return inner(post, *rest, **more)
 
     monkeypatch.setattr(module, "_maximise", climb)
-    assert np.array_equal(find_mode(target, KEY).values, whole.values)
+    assert np.array_equal(find_mode(target, key=KEY).values, whole.values)
 
 
 @pytest.mark.parametrize(("still", "expected"), [(0, True), (200, False)])
@@ -420,7 +420,7 @@ def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_word
 
 
 def test_draws_about_a_normal_mode_are_those_of_numpy():
-    mode = find_mode(linear_gaussian(3).posterior, KEY)
+    mode = find_mode(linear_gaussian(3).posterior, key=KEY)
     drawn = draw_about(linear_gaussian(3).posterior, mode, 50, np.random.default_rng(5))
     expected = np.random.default_rng(5).multivariate_normal(mode.z, mode.cov, 50, method="eigh")
     assert drawn == pytest.approx(expected, abs=1e-12)
@@ -429,7 +429,7 @@ def test_draws_about_a_normal_mode_are_those_of_numpy():
 def test_draws_of_a_size_that_is_open_from_below_do_not_leave_what_the_data_allow():
     """A half-normal of 1e-4 in the size: one value in two million is above 5e-4; the logarithm is as wide as its prior."""
     target = posterior({"s": LogUniform(1e-8, 1.0)}, lambda v, data: -0.5 * (v["s"] / 1e-4) ** 2)
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     drawn = values_of(target, draw_about(target, mode, 1000, np.random.default_rng(1)))
     symmetric = values_of(target, np.random.default_rng(1).multivariate_normal(mode.z, mode.cov, 1000))
     assert symmetric.max() > 4e-3

@@ -72,7 +72,7 @@ def test_draws_in_arviz(draws):
 )
 @pytest.mark.proof
 def test_populations_are_draws_too(posterior, exact, method, settings):
-    found = st.sample(posterior, method, settings, key=2)
+    found = st.sample(posterior, method, settings=settings, key=2)
     mean, sd, _ = exact
     assert found["mean"].mean() == pytest.approx(mean, abs=sd)
     assert found.is_population
@@ -96,7 +96,9 @@ def test_evidence_and_comparison(exact):
         lambda p: normal_mean(p) + 0.0 * p["factor"], {"mean": st.Normal(0.0, WIDTH), "factor": st.Uniform(0.5, 2.0)}
     )
     other = st.posterior_of_density(nothing, {"factor": st.Uniform(0.5, 4.0)})
-    found = st.compare({"with": one, "without": other}, st.EvidenceSettings(2, st.SMCSettings(particles=256)), key=4)
+    found = st.compare(
+        {"with": one, "without": other}, settings=st.EvidenceSettings(2, st.SMCSettings(particles=256)), key=4
+    )
     assert found.evidences[0].log_value == pytest.approx(exact[2], abs=0.1)
     factor = np.linspace(0.5, 4.0, 20001)
     height = stats.norm(0, SIGMA * factor[:, None]).logpdf(Y).sum(-1)

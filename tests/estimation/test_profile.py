@@ -29,7 +29,7 @@ KEY = jax.random.key(0)
 
 
 def profiles(target, *names):
-    return profile_likelihood(target, find_mode(target, KEY), names or None)
+    return profile_likelihood(target, find_mode(target, key=KEY), names or None)
 
 
 @pytest.mark.parametrize("d", [1, 3])
@@ -74,7 +74,7 @@ def test_nested_search():
 
 def test_golden_intervals_are_nearly_normal():
     target = golden_posterior("M-1")
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     for i, found in enumerate(profile_likelihood(target, mode)):
         half = 0.5 * (found.upper - found.lower)
         assert half == pytest.approx(1.96 * mode.sd[i], rel=0.02)
@@ -145,7 +145,7 @@ def test_climbs_stay_a_hair_inside_the_prior():
     target = posterior(
         {"a": Uniform(-1.0, 3.0), "b": Normal(5.0, 0.5), "c": Uniform(-2.0, 2.0)}, lambda v, data: -0.5 * v["a"] ** 2
     )
-    mode = find_mode(target, KEY)._replace(sd=np.array([0.1, 100.0, 0.0]))
+    mode = find_mode(target, key=KEY)._replace(sd=np.array([0.1, 100.0, 0.0]))
     found = bounded_slope(target, mode)
     assert found.lower == pytest.approx([-1 + 4e-6, 2 + 6e-6, -2 + 4e-6], abs=1e-12)
     assert found.upper == pytest.approx([3 - 4e-6, 8 - 6e-6, 2 - 4e-6], abs=1e-12)
@@ -157,7 +157,7 @@ def test_climb_holds_what_is_held_and_goes_no_further_than_the_bounds():
     """-(a - 2 b)^2 - (b - 3)^2 in |a| < 4, |b| < 2: b is pushed to 2 and a follows to 4, or to twice the b that is held."""
     priors = {"a": Uniform(-4.1, 4.1), "b": Uniform(-2.0, 2.0)}
     target = normal_about(priors, [6.0, 3.0], [[2.0, -4.0], [-4.0, 10.0]])
-    slope = bounded_slope(target, find_mode(target, KEY))
+    slope = bounded_slope(target, find_mode(target, key=KEY))
     starts = np.array([[0.0, 0.0], [9.0, 1.0], [1.0, -9.0]])
     found = maximise_rows(slope, starts, [None, 1, 0])
     assert found.values == pytest.approx(np.array([[4.0, 2.0], [2.0, 1.0], [1.0, 1.0]]), abs=1e-3)

@@ -143,7 +143,7 @@ def test_bands_hold_where_the_vehicle_is_pushed():
         drag, band = [], []
         for seed in range(60):
             posterior = make_posterior(paper_model(), pushed_run(2 * seed, "fit"), priors)
-            mode = find_mode(posterior, seed)
+            mode = find_mode(posterior, key=seed)
             at = mode.names.index("X_uabsu")
             drag.append(abs(mode.values[at] - TRUE["X_uabsu"]) < 1.645 * mode.sd[at])
             new = pushed_run(2 * seed + 1, "new")

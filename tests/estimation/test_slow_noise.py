@@ -77,7 +77,7 @@ def modes(drift, keys):
     for key in keys:
         runs = [replace(record(3 * key + i, drift, samples=600), label=str(i)) for i in range(3)]
         for sensor in (st.Sensor("u", "white"), st.Sensor("u", "drifting")):
-            mode = st.find_mode(st.make_posterior(model(), runs, PRIORS, [sensor], start={"u": 1.5}), 1)
+            mode = st.find_mode(st.make_posterior(model(), runs, PRIORS, [sensor], start={"u": 1.5}), key=1)
             known = zip(mode.names[:3], mode.values, mode.sd, strict=False)
             found.append([((value - TRUTH[name]) / sd, sd) for name, value, sd in known])
     return np.moveaxis(np.reshape(found, (len(keys), 2, 3, 2)), 3, 0)

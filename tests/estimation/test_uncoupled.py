@@ -65,7 +65,7 @@ def by_quadrature():
 @pytest.fixture(scope="module")
 def problem():
     posterior = hierarchy()
-    mode = find_mode(posterior, KEY)
+    mode = find_mode(posterior, key=KEY)
     return posterior, mode, *uncouple(posterior, mode)
 
 
@@ -119,7 +119,7 @@ def test_evidence_against_quadrature(problem):
 @pytest.mark.proof
 def test_trials_that_know_nothing_change_nothing():
     posterior = hierarchy(error=np.full(3, 1e6))
-    target, _ = uncouple(posterior, find_mode(posterior, KEY))
+    target, _ = uncouple(posterior, find_mode(posterior, key=KEY))
     assert isinstance(target, Uncoupled)
     z = posterior.sample_prior(KEY, 5)
     assert np.asarray(target.uncoupled(z)) == pytest.approx(np.asarray(z), abs=1e-6)
@@ -176,7 +176,7 @@ def test_given_their_spreads_two_values_that_vary_are_not_correlated():
         **{f"dev_{name}[{label}]": Normal(0.0, 1.0) for name in TwoValues.varying for label in LABELS},
     }
     posterior = Posterior(tuple(Parameter(name, "1", "", prior) for name, prior in priors.items()), TwoValues(), ())
-    target, there = uncouple(posterior, find_mode(posterior, KEY))
+    target, there = uncouple(posterior, find_mode(posterior, key=KEY))
     assert isinstance(target, Uncoupled)
     inside = [1, 2, *range(5, 11)]
     hessian = jax.jit(jax.hessian(lambda x: target.log_prior(x) + target.log_likelihood(x)))(jnp.asarray(there.z))

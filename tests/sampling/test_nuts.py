@@ -84,7 +84,7 @@ def test_many_parameters_with_gradients_backward():
 @pytest.mark.proof
 def test_golden_posterior():
     target = golden_posterior("M-1")
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     starts = jnp.asarray(mode.z) + 1.5 * jax.random.normal(KEY, (8, target.dim)) @ jnp.linalg.cholesky(mode.cov).T
     draws = sample(nuts, target, starts, jnp.asarray(mode.cov), KEY, ChainSettings(8, 200, 200))
     values = np.asarray(target.constrain(jnp.asarray(draws.z)))

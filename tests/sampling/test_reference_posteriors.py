@@ -40,7 +40,7 @@ def draw(target, method, settings):
     """Draws as a campaign makes them: a mode, starts spread about it, chains; or particles from the prior."""
     if method == SMC:
         return sample_tempered_smc(target, KEY, SMCSettings(4096)).particles[None]
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     starts = spread_starts(target, mode, settings.chains, KEY)
     return sample(SAMPLERS[method], target, starts, jnp.asarray(mode.cov), KEY, settings).z
 

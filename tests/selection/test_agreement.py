@@ -42,7 +42,7 @@ def evidences(**given):
 @pytest.mark.proof
 def test_agreement_on_a_known_evidence():
     (target, exact), told = one_peak(), []
-    found = log_evidence(target, KEYS, SMALL, lambda done, total: told.append(done / total))
+    found = log_evidence(target, key=KEYS, settings=SMALL, progress=lambda done, total: told.append(done / total))
     assert told[-1] == 1.0
     assert 0.0 < told[0] < 0.25  # within the first task of four or more
     assert found.status == ""
@@ -54,7 +54,7 @@ def test_agreement_on_a_known_evidence():
 def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
     """The narrow peak holds a fifth of Z, log 0.8 = -0.22; no particle meets it, and the check says how little it shows."""
     target, exact = unlike_peaks()
-    found = log_evidence(target, 0)
+    found = log_evidence(target, key=0)
     assert found.log_value - exact == pytest.approx(np.log(0.8), abs=4 * found.std_error)
     assert found.std_error < 0.01
     assert abs(np.log(0.8)) < found.resolution < 2.0
@@ -64,7 +64,9 @@ def test_a_peak_that_all_methods_miss_lies_within_what_the_check_resolves():
 def test_draws_of_the_importance_sampling_are_those_asked_for():
     """Four times the draws halve its error, and no random number of tempered SMC moves."""
     target, _ = one_peak()
-    few, many = (log_evidence(target, KEYS, replace(SMALL, draws=n)).diagnostics["methods"] for n in (2048, 8192))
+    few, many = (
+        log_evidence(target, key=KEYS, settings=replace(SMALL, draws=n)).diagnostics["methods"] for n in (2048, 8192)
+    )
     (importance, smc) = few
     assert few[importance]["std_error"] / many[importance]["std_error"] == pytest.approx(2.0, rel=0.1)
     assert few[smc]["log_value"] == many[smc]["log_value"]
@@ -73,7 +75,7 @@ def test_draws_of_the_importance_sampling_are_those_asked_for():
 def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
     """Half of Z lies in each peak, 66 standard deviations apart: the particles of tempered SMC are in both."""
     target, exact = far_peaks()
-    found = log_evidence(target, KEYS, SMALL)
+    found = log_evidence(target, key=KEYS, settings=SMALL)
     assert (found.status, found.diagnostics["modes"]) == ("", 2)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
 
@@ -83,7 +85,7 @@ def test_second_peak_that_the_search_for_the_mode_misses_is_weighed_too():
 def test_phase_transition_is_weighed_and_alarms(seed):
     """All particles and the search for the mode are on the slab, a hundredth of Z: only cold ones meet the spike."""
     target, exact = spike_on_slab()
-    found = log_evidence(target, Keys(*jax.random.split(jax.random.key(seed))), SMALL)
+    found = log_evidence(target, key=Keys(*jax.random.split(jax.random.key(seed))), settings=SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.05
     assert "adaptive tempered SMC finds -4." in found.status
     assert "one of them misses part of the posterior" in found.status
@@ -97,7 +99,7 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
     low = np.array([[-0.2, 1.5]])
     monkeypatch.setattr(module, "further_modes", lambda *_: ())
 
-    def lost(*_):
+    def lost(*_, **__):
         raise NumericalError("no mode")
 
     monkeypatch.setattr(module, "find_mode", lost)
@@ -120,7 +122,7 @@ def test_a_higher_peak_that_importance_sampling_does_not_have_alarms(monkeypatch
 @pytest.mark.proof
 def test_value_is_the_next_methods_where_importance_sampling_complains():
     target, exact = parabola()
-    found = log_evidence(target, KEYS)
+    found = log_evidence(target, key=KEYS)
     assert (found.status, found.method) == ("", "adaptive tempered SMC")
     assert abs(found.log_value - exact) < 4 * found.std_error
     (note,) = found.diagnostics["notes"]
@@ -131,7 +133,7 @@ def test_value_is_the_next_methods_where_importance_sampling_complains():
 def test_a_third_method_confirms_where_tempered_smc_fails():
     """Wide priors and unknown noise: at N b of few every scale of the residuals holds as much, and few particles meet the narrow ones."""
     target, exact = wide_regression()
-    found = log_evidence(target, KEYS, SMALL)
+    found = log_evidence(target, key=KEYS, settings=SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error < 0.1
     assert (found.status, found.method) == ("", "importance sampling about the mode")
     table = found.diagnostics["methods"]
@@ -363,7 +365,7 @@ def test_repeats_that_cannot_leave_the_prior_are_told(monkeypatch):
     target, exact = one_peak()
     monkeypatch.setattr(module, "sample_warm", stopped)
     monkeypatch.setattr(module, "sample_nested", stopped)
-    found = log_evidence(target, KEYS, SMALL)
+    found = log_evidence(target, key=KEYS, settings=SMALL)
     assert abs(found.log_value - exact) < 4 * found.std_error
     assert "tempered SMC failed: stopped at temperature 1e-30" in found.status
 

@@ -34,7 +34,7 @@ def test_a_search_meets_a_spike_that_holds_the_evidence(seed):
     """In ten parameters, and importance sampling about both modes weighs it: the evidence is known."""
     target, exact = spike_on_slab()
     find, search, weigh = jax.random.split(jax.random.key(seed), 3)
-    first, *further = search_modes(target, [st.find_mode(target, find)], search)
+    first, *further = search_modes(target, [st.find_mode(target, key=find)], search)
     evidence = importance_evidence(target, weigh, first, further=further)
     assert len(further) == 1
     assert abs(evidence.log_value - exact) < 4 * evidence.std_error < 0.1
@@ -42,7 +42,7 @@ def test_a_search_meets_a_spike_that_holds_the_evidence(seed):
 
 def test_no_chain_starts_where_there_is_no_evidence():
     target, _ = one_peak()
-    mode = st.find_mode(target, KEY)
+    mode = st.find_mode(target, key=KEY)
     lower = mode._replace(z=mode.z + 5.0, log_evidence=mode.log_evidence - 20.0)
     starts = spread_starts(target, mode, 8, KEY, [lower])
     np.testing.assert_array_equal(starts, spread_starts(target, mode, 8, KEY))
@@ -50,16 +50,16 @@ def test_no_chain_starts_where_there_is_no_evidence():
 
 def test_one_peak_has_one_mode_and_many_parameters_are_not_searched():
     target, _ = one_peak()
-    mode = st.find_mode(target, KEY)
+    mode = st.find_mode(target, key=KEY)
     assert search_modes(target, [mode], KEY) == (mode,)
     many, _ = linear(MAX_SEARCH_DIM + 1)
-    mode = st.find_mode(many, KEY)
+    mode = st.find_mode(many, key=KEY)
     assert search_modes(many, [mode, mode], KEY) == (mode, mode)
 
 
 def test_modes_are_kept_to_the_last_bit():
     target, _ = correlated(3)
-    mode = st.find_mode(target, KEY)
+    mode = st.find_mode(target, key=KEY)
     kept = KnownModes({"M-0": (mode, mode)}, {"M-1": "no maximum"})
     again = from_plain(KnownModes, to_plain(kept))
     for one, other in zip(again.modes["M-0"][1], mode, strict=True):

@@ -87,7 +87,7 @@ def test_a_ridge_that_bends_is_reported():
 
 def test_stated_errors_are_honest():
     """Of 40 errors in units of what is stated, the root mean square has a standard error of 11 %."""
-    mode = find_mode(PAIR.posterior, KEY)
+    mode = find_mode(PAIR.posterior, key=KEY)
     found = [
         importance_evidence(PAIR.posterior, jax.random.key(i), mode, ImportanceSettings(draws=1024, pilot=1024))
         for i in range(40)
@@ -284,7 +284,7 @@ def test_no_finite_density():
 
 
 def test_same_key_same_bits():
-    mode = find_mode(PAIR.posterior, KEY)
+    mode = find_mode(PAIR.posterior, key=KEY)
     first, again, other = (
         importance_evidence(PAIR.posterior, key, mode).log_value for key in (KEY, KEY, jax.random.key(5))
     )
@@ -342,7 +342,7 @@ def test_the_proposal_is_refitted_until_enough_draws_count(monkeypatch, efficien
 
     monkeypatch.setattr(importance, "weigh", canned)
     monkeypatch.setattr(importance, "refit", lambda proposals, weights, edges: proposals)
-    mode = find_mode(PAIR.posterior, KEY)
+    mode = find_mode(PAIR.posterior, key=KEY)
     found = importance_sample(PAIR.posterior, KEY, mode, ImportanceSettings(1000, 100, 2), [mode] * (modes - 1))
     assert (found.refits, found.modes) == (refits, modes)
     assert [n for n, _ in asked] == [100] * (refits + 1) + [1000]
@@ -383,6 +383,6 @@ def test_centred_schools_end_in_a_value_with_what_speaks_against_it():
     priors = {f"school_{i}": st.Uniform(-100.0, 100.0) for i in range(8)}
     priors |= {"mean": st.Normal(0.0, 5.0), "spread": st.Uniform(0.0, 50.0)}
     small = st.EvidenceSettings(repeats=2, smc=st.SMCSettings(particles=256))
-    found = st.log_evidence(st.posterior_of_density(log_density, priors), 1, small)
+    found = st.log_evidence(st.posterior_of_density(log_density, priors), key=1, settings=small)
     assert np.isfinite(found.log_value)
     assert found.status != ""

@@ -29,7 +29,7 @@ KEY = jax.random.key(3)
 
 @cache
 def found(count=5, **options):
-    return leave_one_run_out(posterior_of_runs(linear_runs(count)), KEY, **options)
+    return leave_one_run_out(posterior_of_runs(linear_runs(count)), key=KEY, **options)
 
 
 def test_closed_form():
@@ -54,7 +54,7 @@ def test_refits_agree(monkeypatch):
         return density(proposals, z)
 
     monkeypatch.setattr(module, "log_mixture", noted)
-    again = leave_one_run_out(posterior_of_runs(linear_runs(5)), KEY, max_k_hat=-np.inf, draws=256)
+    again = leave_one_run_out(posterior_of_runs(linear_runs(5)), key=KEY, max_k_hat=-np.inf, draws=256)
     assert max(count for count, _ in shares) > 5
     np.testing.assert_allclose([total for _, total in shares], 1.0, rtol=1e-12)
     assert all(run.refitted for run in again.runs)
@@ -66,7 +66,7 @@ def test_refits_agree(monkeypatch):
 @pytest.mark.proof
 def test_runs_add_up():
     joint = posterior_of_runs(linear_runs(4))
-    runs, mode = split_runs(joint), find_mode(joint, 0)
+    runs, mode = split_runs(joint), find_mode(joint, key=0)
     there = expand_runs(runs, mode.z)
     whole = weigh_runs(there, np.ones(4))
     assert whole.value == pytest.approx(mode.log_density, rel=1e-12)
@@ -77,7 +77,7 @@ def test_runs_add_up():
 def test_a_linear_run_is_integrated_without_error():
     """A linear run is normal in its own start: draws about the ridge all have the same weight, wherever they lie."""
     joint = posterior_of_runs(linear_runs(3))
-    runs, mode = split_runs(joint), find_mode(joint, 0)
+    runs, mode = split_runs(joint), find_mode(joint, key=0)
     shared = mode.z[runs.shared] + 0.3 * np.random.default_rng(0).normal(size=(4, runs.shared.size))
     one, other = (
         marginal_log_likelihoods(runs, mode, expand_runs(runs, mode.z), shared, np.random.default_rng(seed))
@@ -90,7 +90,7 @@ def test_a_linear_run_is_integrated_without_error():
 def test_own_parameters_are_integrated_out():
     """A run's own deviation of its damping is no linear unknown: the mean of many estimates is that by quadrature."""
     joint = posterior_of_runs(linear_runs(3), varying=True)
-    runs, mode = split_runs(joint), find_mode(joint, 0)
+    runs, mode = split_runs(joint), find_mode(joint, key=0)
     there = expand_runs(runs, mode.z)
     shared = mode.z[runs.shared] + 0.3 * np.random.default_rng(0).normal(size=(3, runs.shared.size))
     many = marginal_log_likelihoods(runs, mode, there, np.repeat(shared, 256, 0), np.random.default_rng(1))
@@ -108,7 +108,7 @@ def test_own_parameters_are_integrated_out():
 def test_without_own_parameters():
     """Starts as measured: what a run says of the shared parameters is its likelihood."""
     joint = posterior_of_runs(linear_runs(3), free_start=False)
-    runs, mode = split_runs(joint), find_mode(joint, 0)
+    runs, mode = split_runs(joint), find_mode(joint, key=0)
     table = marginal_log_likelihoods(runs, mode, expand_runs(runs, mode.z), mode.z[None], np.random.default_rng(0))
     whole = float(joint.log_likelihood(mode.z))
     assert table.shape == (1, 3)
@@ -139,7 +139,7 @@ def test_fewer_draws_give_the_same_score_and_predict_as_often_as_they_weigh(monk
 def test_blocks_of_few_runs_in_closed_form(count):
     """A block given all before and after it: the start is shared by all blocks of a run."""
     runs = linear_runs(count)
-    left = leave_one_run_out(posterior_of_runs(runs), KEY)
+    left = leave_one_run_out(posterior_of_runs(runs), key=KEY)
     exact = exact_left_out(runs, blocks=BLOCKS // count)
     assert len(left.runs) == BLOCKS
     assert left.runs[-1].label == f"run {count - 1}, block {BLOCKS // count}"
@@ -162,4 +162,4 @@ def test_masked_trials_have_the_density_of_records_without_these_samples():
 
 def test_refusals():
     with pytest.raises(InputError, match="make_posterior"):
-        leave_one_run_out(posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)}), KEY)
+        leave_one_run_out(posterior_of_density(lambda values: -(values["a"] ** 2), {"a": Normal(0.0, 1.0)}), key=KEY)

@@ -30,7 +30,7 @@ def regression():
     best = np.linalg.lstsq(problem.design, problem.measured, rcond=None)[0]
     residual = problem.measured - problem.design @ best
     sd = np.sqrt(np.mean(residual**2))
-    return target, find_mode(target, jax.random.key(0)), np.array([*best, sd]), stats.norm(0, sd).logpdf(residual)
+    return target, find_mode(target, key=jax.random.key(0)), np.array([*best, sd]), stats.norm(0, sd).logpdf(residual)
 
 
 def test_the_maximum_is_least_squares_whatever_the_prior(regression):

@@ -79,7 +79,7 @@ def mode(model):
 
 def drawn_and_predicted(model):
     fit = posterior(model)
-    draws = st.sample(fit, "adaptive-metropolis", st.ChainSettings(chains=4, warmup=100, draws=100))
+    draws = st.sample(fit, "adaptive-metropolis", settings=st.ChainSettings(chains=4, warmup=100, draws=100))
     return [*draws.array(TERMS).mean(0), *st.predict(fit, draws, RECORD, start={"u": 1.0}, n=20).mean[:, 0]]
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import jax
@@ -36,7 +37,7 @@ from seatrial.design.safety import judge_safety
 from seatrial.design.stopping import best_stops
 from seatrial.design.sweep import LANES, Sweep, in_blocks, sweep_family
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.posterior.posterior import check_priors
+from seatrial.estimation.posterior.posterior import as_key, check_priors
 from seatrial.estimation.posterior.simulated_record import checked_rates
 from seatrial.estimation.priors import Prior
 from seatrial.manoeuvres.family import Family, design_words
@@ -295,7 +296,7 @@ def make_design_problem(
     motion: Sequence[MotionLimit] = (),
     probability: float = 0.95,
     utility: Utility | Callable[[Array], Array] = "entropy",
-    seed: int = 0,
+    key: Array | int = 0,
 ) -> DesignProblem:
     """State which trial is to be designed, for `design_trial`.
 
@@ -315,7 +316,7 @@ def make_design_problem(
         utility: what is to be large: "entropy" of the filter; a criterion of Fisher information, such as "fisher-d"; or a function of your
             own, which takes information matrices of the k coefficients, SI, shape (..., k, k), and returns shape (...). It is averaged
             over draws of the belief, and an attribute `unit` of it is printed.
-        seed: of all draws.
+        key: random key of all draws, or a seed.
 
     Raises:
         InputError: something unknown of a coefficient or a control, an amplitude of 0, or a rate that no schedule of the families can have.
@@ -362,6 +363,7 @@ def make_design_problem(
         check_motion_limits(model, motion)
     if isinstance(utility, str) or not callable(utility):
         check_choice(utility, ("entropy", *(name for name in CRITERIA if name != "fisher-c")), "utility")
+    seed = int(key) if isinstance(key, Integral) else int(jax.random.bits(as_key(key)))
     believed, drawn = _belief(belief, tuple(term.text for term in model.coefficients), seed)
     return DesignProblem(
         model,

@@ -172,6 +172,7 @@ def inspect_log(
     path: Path | str,
     table: str | None = None,
     layout: TextLayout = TextLayout(),  # noqa: B008 - it is frozen
+    *,
     progress: Callable[[float], None] = lambda done: None,
 ) -> LogSummary:
     """Look through a log in one pass, keeping sums only.

@@ -24,6 +24,7 @@ from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, sele
 
 def compare(
     posteriors: Mapping[str, Posterior],
+    *,
     settings: EvidenceSettings = EvidenceSettings(),
     key: jax.Array | int = 0,
     progress: Progress = no_progress,

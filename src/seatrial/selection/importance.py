@@ -122,7 +122,7 @@ def importance_sample(
         NumericalError: no mode, or no draw of finite density.
     """
     mode_key, pilot_key, key = split(key, 3)
-    target, centre = uncouple(posterior, find_mode(posterior, mode_key) if mode is None else mode)
+    target, centre = uncouple(posterior, find_mode(posterior, key=mode_key) if mode is None else mode)
     modes = [centre, *(uncoupled_mode(target, one) for one in further)]
     edges = edges_of(target)
     proposals = [laplace_proposal(one, edges)._replace(share=1.0 / len(modes)) for one in modes]

@@ -53,9 +53,9 @@ MIN_PRECISION = 1.0  # Least precision of a proposal: that of the prior in the c
 
 def leave_one_run_out(
     posterior: Posterior,
+    *,
     key: jax.Array | int = 0,
     mode: Mode | None = None,
-    *,
     draws: int = ROUND_DRAWS,
     max_k_hat: float = MAX_K_HAT,
     progress: Progress = no_progress,
@@ -78,7 +78,7 @@ def leave_one_run_out(
     runs = split_runs(posterior)
     count = len(runs.folds)
     progress(0, count + 2)
-    mode = find_mode(posterior, jax.random.fold_in(key, 0)) if mode is None else mode
+    mode = find_mode(posterior, key=jax.random.fold_in(key, 0)) if mode is None else mode
     progress(1, count + 2)
     known, (*without, (_, worst)), refitted = _draw(runs, mode, jax.random.fold_in(key, 1), draws, max_k_hat)
     progress(2, count + 2)

@@ -107,8 +107,9 @@ class Keys(NamedTuple):
 
 def log_evidence(
     posterior: Posterior,
-    keys: Keys | jax.Array | int = 0,
+    *,
     settings: EvidenceSettings = EvidenceSettings(),
+    key: Keys | jax.Array | int = 0,
     progress: Progress = no_progress,
     mode: Mode | None = None,
 ) -> Evidence:
@@ -118,9 +119,9 @@ def log_evidence(
 
     Args:
         posterior: density to integrate.
-        keys: random keys; or one of which both are made, or a seed.
         settings: repeats of tempered SMC that are asked for, and their size; more are made while they check too bluntly; and draws of the
             importance sampling.
+        key: random key, or a seed; or the two keys that are made of it.
         progress: called with the work done and the work in all, in thousandths of a task.
         mode: of the posterior, from which importance sampling begins; found first if not given.
 
@@ -137,7 +138,7 @@ def log_evidence(
     check_posterior(posterior)
     check_kind(settings, EvidenceSettings, "settings", "leave them out, or write EvidenceSettings(repeats=4)")
     schedule = EvidenceSchedule(settings.repeats, () if mode is None else (mode,))
-    run_schedule(posterior, schedule, keys_of(keys), settings, progress)
+    run_schedule(posterior, schedule, keys_of(key), settings, progress)
     return schedule.evidence()
 
 
@@ -345,7 +346,7 @@ def _run_importance(posterior: Posterior, task: EvidenceTask, key: jax.Array, dr
 
 def find_own_mode(posterior: Posterior, key: jax.Array) -> Mode:
     """Find the mode from which importance sampling of such a key begins if none is known; errors as `find_mode`."""
-    return find_mode(posterior, split(key, 3)[0])
+    return find_mode(posterior, key=split(key, 3)[0])
 
 
 def _run_nested(posterior: Posterior, repeat: int, key: jax.Array, progress: Progress) -> EvidenceRun:

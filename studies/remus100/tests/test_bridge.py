@@ -26,7 +26,7 @@ def exact_draws(problem, chains=4, length=1000, seed=0, correlation=0.0):
 
 
 def metropolis(target, draws):
-    mode = find_mode(target, KEY)
+    mode = find_mode(target, key=KEY)
     values, vectors = np.linalg.eigh(mode.precision)
     cov = (vectors / np.maximum(values, 1.0)) @ vectors.T
     starts = mode.z + 0.3 * np.random.default_rng(0).multivariate_normal(np.zeros(target.dim), cov, 32)

@@ -151,9 +151,9 @@ def _candidate(
         noise = posterior.likelihood.output.noise_parameters if near else ()
         told = {name: value for name, value, _ in near if name in posterior.names and name not in noise}
         options = {"tries": 1, "near": told} if near else {}
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}"), **options, rough=True)
+        mode = find_mode(posterior, key=random_key(campaign.seed, f"mode {structure.terms}"), **options, rough=True)
         leave_key = random_key(campaign.seed, f"leave out {structure.terms}")
-        left = leave_one_run_out(posterior, leave_key, mode, progress=progress)
+        left = leave_one_run_out(posterior, key=leave_key, mode=mode, progress=progress)
     except NumericalError as failure:
         return replace(named, refused=str(failure))
     except InputError as failure:

@@ -210,7 +210,7 @@ def _find(study: Study, item: _Known, report: Progress) -> Mode | NumericalError
         near |= mode.expected({name: 0.0 for name in mode.names if name not in posterior.present_names})
     key = random_key(study.campaign.seed, f"mode {item.structure.terms}")
     try:
-        return find_mode(posterior, key, near=near or None)
+        return find_mode(posterior, key=key, near=near or None)
     except NumericalError as error:
         return error
 

@@ -53,7 +53,7 @@ def profile_all(campaign: Campaign, trials: Trials, names: Sequence[str] = (), r
     if missing:
         progress = reporter.progress(f"profile {structure.label}: {' '.join(missing)}")
         progress(0, len(missing))
-        mode = find_mode(posterior, random_key(campaign.seed, f"mode {structure.terms}")).only(posterior.places)
+        mode = find_mode(posterior, key=random_key(campaign.seed, f"mode {structure.terms}")).only(posterior.places)
         for start in range(0, len(missing), TOGETHER):
             for done, profile in enumerate(
                 profile_likelihood(posterior, mode, missing[start : start + TOGETHER]), start + 1

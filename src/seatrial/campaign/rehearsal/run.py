@@ -257,7 +257,7 @@ def known_after(campaign: Campaign, records: Sequence[Record], most: int) -> tup
         most: trials there can be, see `joint_posterior`.
     """
     posterior, k = joint_posterior(campaign, records, most), len(campaign.model(campaign.full).coefficients)
-    mode = find_mode(posterior, random_key(campaign.seed, "rehearsal mode"))
+    mode = find_mode(posterior, key=random_key(campaign.seed, "rehearsal mode"))
     slope = np.asarray(jax.jvp(posterior.constrain, (jnp.asarray(mode.z),), (jnp.ones(posterior.dim),))[1])
     return mode.values[:k], (mode.cov * np.outer(slope, slope))[:k, :k]
 

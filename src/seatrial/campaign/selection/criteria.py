@@ -63,7 +63,7 @@ def _compute(campaign: Campaign, estimate: Estimate, trials: Trials, progress: P
     try:
         table = pointwise_log_likelihood(posterior, draws)
         key = random_key(campaign.seed, f"mode {estimate.structure.terms}")
-        mode = find_mode(posterior, key, near=dict(zip(estimate.names, estimate.data["mode"].values, strict=True)))
+        mode = find_mode(posterior, key=key, near=dict(zip(estimate.names, estimate.data["mode"].values, strict=True)))
         best = maximise_likelihood(posterior, mode).values
         density = pointwise_log_likelihood(posterior, best[None, None])[0, 0]
         computed = [aic(density, posterior.dim), bic(density, posterior.dim), waic(table), psis_loo(table)]

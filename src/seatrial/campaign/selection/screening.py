@@ -150,7 +150,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
 def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
     """Screen a vehicle whose axes are coupled, about the mode of all terms; noise is in the sensors alone there."""
     posterior = build_posterior(campaign, campaign.full, trials.fit)
-    mode = find_mode(posterior, random_key(campaign.seed, "screening"))
+    mode = find_mode(posterior, key=random_key(campaign.seed, "screening"))
     screening = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g)
     nothing = np.zeros(screening.values.size)
     by_term = {"fit": screening.values, "fit_sd": screening.sd, "bias": nothing, "bias_error": nothing}

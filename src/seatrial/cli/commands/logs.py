@@ -51,7 +51,9 @@ def inspect(
 
         layout = TextLayout(delimiter, skip_rows, encoding=encoding)
         channels = [name for text in only or () for name in text.split(",")]
-        summaries = [inspect_log(log, table, layout, _late_progress(reporter, f"reading {log.name}")) for log in logs]
+        summaries = [
+            inspect_log(log, table, layout, progress=_late_progress(reporter, f"reading {log.name}")) for log in logs
+        ]
         together, answer = LogsTogether(tuple(summaries), tuple(channels)), current_answer()
         maps = together.maps()
         printed = maps if map_ else ["\n".join(lines) for lines in together.lines()]

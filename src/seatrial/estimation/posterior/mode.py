@@ -166,11 +166,11 @@ class Mode(NamedTuple):
 
 def find_mode(
     posterior: Posterior,
+    *,
     key: jax.Array | int = 0,
     starts: int | None = None,
     tries: int = 3,
     near: Mapping[str, float] | None = None,
-    *,
     rough: bool = False,
 ) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.

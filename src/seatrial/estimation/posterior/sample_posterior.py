@@ -64,6 +64,7 @@ MAX_BEHIND = 7.0  # Nats by which the evidence about a further mode, by Laplace,
 def sample(
     posterior: Posterior,
     method: str = DEFAULT,
+    *,
     settings: Settings | None = None,
     key: jax.Array | int = 0,
     progress: Progress = no_progress,
@@ -120,7 +121,7 @@ def find_method(name: str) -> Draw:
 
 
 def _sample_small(name: str, posterior: Posterior, key: jax.Array) -> Draws:
-    return sample(posterior, name, SIZES[name], key)
+    return sample(posterior, name, settings=SIZES[name], key=key)
 
 
 def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array, further: Sequence[Mode] = ()) -> np.ndarray:
@@ -139,7 +140,7 @@ def spread_starts(target: Target, mode: Mode, chains: int, key: jax.Array, furth
 
 def _by_chains(posterior: Posterior, method: str, settings: ChainSettings, key: jax.Array, progress: Progress) -> Draws:
     mode_key, start_key, key = jax.random.split(key, 3)
-    target, mode = uncouple(posterior, find_mode(posterior, mode_key))
+    target, mode = uncouple(posterior, find_mode(posterior, key=mode_key))
     starts = spread_starts(target, mode, settings.chains, start_key)
     draws = sampler.sample(SAMPLERS[method], target, starts, jnp.asarray(mode.cov), key, settings, progress)
     return in_posterior(target, draws)
