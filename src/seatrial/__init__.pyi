@@ -73,7 +73,7 @@ from seatrial.estimation.simulation.sensor_errors import Sensor as Sensor
 from seatrial.export.from_campaign import export_to
 from seatrial.logs.inspect import inspect_log as inspect_log
 from seatrial.logs.read_log import read_log as read_log
-from seatrial.logs.read_log import record_of_columns
+from seatrial.logs.read_log import record_of_columns, record_of_table
 from seatrial.manoeuvres.family import Family as Family
 from seatrial.manoeuvres.manoeuvre import Limits as Limits
 from seatrial.manoeuvres.schedule import Schedule as Schedule
@@ -106,4 +106,5 @@ __all__: list[str]
 __version__: str
 export_vehicle = export_to
 make_record = record_of_columns
+record = record_of_table
 Vehicle = PublishedVehicle

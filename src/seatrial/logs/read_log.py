@@ -3,13 +3,14 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, isclose
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
 from seatrial.core.argument_checks import (
+    check_array,
     check_choice,
     check_known,
     check_mapping,
@@ -19,11 +20,14 @@ from seatrial.core.argument_checks import (
     check_text,
     shown,
 )
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Channel, Provenance, Record, Role, make_record
-from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES
+from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES, SIGNALS, is_signal, signal_unit
+from seatrial.core.units import to_si
 from seatrial.logs.axes import Axes
-from seatrial.logs.log_table import read_log_table
+from seatrial.logs.formats.text_layout import nanoseconds
+from seatrial.logs.guess import unit_by_name
+from seatrial.logs.log_table import SAME_UNIT, read_log_table
 from seatrial.logs.measured_control import half_a_step_matters, looks_measured, mean_to_next, taken_as_measured
 from seatrial.logs.source import Between, Clock, ColumnMap, LogSource
 
@@ -164,22 +168,105 @@ def record_of_columns(
         InputError: fewer than three samples, time not strictly increasing, no channel, a name that is no signal, a unit that is not the
             signal's own in SI, a gap in a control, a channel without data, an infinite value, or `between` of no control.
     """
-    record = make_record(time, columns, channels, provenance, label)
-    where = f"{provenance.source}, record {label!r}, between"
-    stated = {} if between is None else check_mapping(between, where, 'write for example {"n": "line"}')
-    check_known(stated, record.controls, where)
+    return _judged(make_record(time, columns, channels, provenance, label), between, "make_record")
+
+
+def _judged(record: Record, between: Mapping[str, Between] | None, called: str) -> Record:
+    """Return a record whose controls do between their samples what is stated, or what their changes show; `called` is for the warning."""
+    where = f"{record.provenance.source}, record {record.label!r}"
+    stated = {} if between is None else check_mapping(between, f"{where}, between", 'write for example {"n": "line"}')
+    check_known(stated, record.controls, f"{where}, between")
     for name, choice in stated.items():
-        check_choice(choice, get_args(Between), f"{where}, {name}")
+        check_choice(choice, get_args(Between), f"{where}, between, {name}")
     chosen, cautions, control = {}, [], record.control.copy()
     for at, name in enumerate(record.controls):
         measured = looks_measured(record.time, control[:, at])
         chosen[name] = stated.get(name) or ("line" if measured else "held")
         if name not in stated and measured and half_a_step_matters(control[:, at]):
-            cautions.append(taken_as_measured(name, "make_record"))
-            warnings.warn(f"{provenance.source}, record {label!r}, {cautions[-1]}", stacklevel=2)
+            cautions.append(taken_as_measured(name, called))
+            warnings.warn(f"{where}, {cautions[-1]}", stacklevel=3)
         if chosen[name] == "line":
             control[:, at] = mean_to_next(control[:, at])
-    options = dict(provenance.options)
+    options = dict(record.provenance.options)
     options |= {"between": chosen} if chosen else {}
     options |= {"cautions": [*options.get("cautions", ()), *cautions]} if cautions else {}
-    return replace(record, control=control, provenance=replace(provenance, options=options))
+    return replace(record, control=control, provenance=replace(record.provenance, options=options))
+
+
+def record_of_table(
+    table: Any,
+    time: str | tuple[str, str] = "t",
+    *,
+    commanded: Sequence[str] = (),
+    between: Mapping[str, Between] | None = None,
+    label: str = "trial",
+    **channels: tuple[str, str],
+) -> Record:
+    """Make a record of a table in memory, for example `record(df, time="t", u=("SOG_kn", "kn"), n=("rpm", "rpm"), commanded=["n"])`.
+
+    Args:
+        table: data frame of pandas or polars, or arrays by name; a column is an array of shape (n,), with NaN or None if nothing was
+            measured.
+        time: column of the stamps: dates, ISO 8601 texts, or seconds; (column, unit) for numbers in another unit.
+        commanded: those of the signals that drive the vehicle; all others are measured.
+        between: of these, "held" for a command, "line" for one that was measured while it changed, as in `make_record`.
+        label: short name.
+        channels: each signal as (column, unit).
+
+    Returns:
+        a record in SI whose time starts at 0.
+
+    Raises:
+        InputError: a column that is missing or holds no numbers, a unit of another dimension, a time that does not increase, or as
+            `make_record`.
+    """
+    check_text(label, "label", "give a short name")
+    where, names = f"record {label!r}", [str(name) for name in getattr(table, "columns", table)]
+    example = 'write for example u=("speed", "m/s")'
+    stamps = (time, "s") if isinstance(time, str) else time
+    for place, pair in {"time": stamps, **{f'channel "{name}"': pair for name, pair in channels.items()}}.items():
+        if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
+            remedy = 'write time="t", or time=("t", "ms")' if place == "time" else example
+            raise InputError(f"{where}, {place}", found=shown(pair), expected="a column and its unit", remedy=remedy)
+        check_known([pair[0]], names, f"{where}, {place}, column")
+    check_known(check_names(commanded, f"{where}, commanded", "n"), tuple(channels), f"{where}, commanded")
+    columns, described, cautions = {}, [], []
+    for name, (column, unit) in channels.items():
+        place = f'{where}, channel "{name}"'
+        if not is_signal(name):
+            remedy = nearest(name, SIGNALS)
+            raise InputError(place, found=f"the name {shown(name)}", expected="the name of a signal", remedy=remedy)
+        si = signal_unit(name)
+        factor = to_si(1.0, unit, si, f"{place}, unit")
+        columns[name] = factor * check_array(table[column], f'{place}, column "{column}"', is_finite=False)
+        described.append(Channel(name, si, "control" if name in commanded else "measurement"))
+        by_name = unit_by_name(column, name)
+        if by_name and not isclose(by_name[1] * to_si(1.0, by_name[0], si, place), factor, rel_tol=SAME_UNIT):
+            cautions.append(
+                f'channel "{name}": column "{column}" is given in "{unit}", and its name says "{by_name[0]}"'
+            )
+            warnings.warn(f"{where}, {cautions[-1]}", stacklevel=2)
+    options = {"columns": {name: list(pair) for name, pair in channels.items()}} | (
+        {"cautions": cautions} if cautions else {}
+    )
+    seconds = _seconds(table[stamps[0]], stamps[1], f'{where}, time, column "{stamps[0]}"')
+    made = make_record(seconds, columns, tuple(described), Provenance("a table", "", options), label)
+    return _judged(made, between, "record")
+
+
+def _seconds(column: Any, unit: str, where: str) -> np.ndarray:
+    """Return the time since the first stamp, s, of dates, of ISO 8601 texts, or of numbers in a unit."""
+    cells = np.asarray(column)
+    if cells.dtype.kind not in "MOUST":
+        stamps = check_array(cells, where, is_finite=False)
+        return (stamps - stamps[:1]) * to_si(1.0, unit, "s", f"{where}, unit")
+    instants, missing = nanoseconds([str(cell).rstrip() for cell in cells.astype(str).ravel()])
+    if missing.any():
+        at = int(np.argmax(missing))
+        raise InputError(
+            f"{where}, row {at + 1}",
+            found=shown(str(cells.ravel()[at])),
+            expected="a date and time of one zone, such as 2026-05-01T10:00:00.5Z",
+            remedy="correct it, or drop the row",
+        )
+    return (instants - instants[0]) / 1e9
