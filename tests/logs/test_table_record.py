@@ -68,8 +68,8 @@ def test_a_unit_that_the_name_contradicts():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"time": "time"}, r'record .trial., time, column\n.*"time", which nothing uses\n.*among t, rpm, SOG_kn'),
-        ({"u": ("speed", "kn")}, r'channel "u", column\n.*"speed"'),
+        ({"time": "time"}, r'record .trial., time\n.*no column "time"\n.*one of t, rpm, SOG_kn'),
+        ({"u": ("speed", "kn")}, r'channel "u"\n.*no column "speed"'),
         ({"u": "SOG_kn"}, r'channel "u"\n.*\n.*a column and its unit\n.*write for example u='),
         ({"u": ("SOG_kn", "kg")}, r'channel "u", unit\n.*kg'),
         ({"uu": ("SOG_kn", "kn")}, r'channel "uu"\n.*the name .uu.\n.*the name of a signal'),

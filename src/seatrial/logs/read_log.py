@@ -228,7 +228,11 @@ def record_of_table(
         if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
             remedy = 'write time="t", or time=("t", "ms")' if place == "time" else example
             raise InputError(f"{where}, {place}", found=shown(pair), expected="a column and its unit", remedy=remedy)
-        check_known([pair[0]], names, f"{where}, {place}, column")
+        if pair[0] not in names:
+            known = "one of " + ", ".join(names)
+            raise InputError(
+                f"{where}, {place}", found=f'no column "{pair[0]}"', expected=known, remedy=nearest(pair[0], names)
+            )
     check_known(check_names(commanded, f"{where}, commanded", "n"), tuple(channels), f"{where}, commanded")
     columns, described, cautions = {}, [], []
     for name, (column, unit) in channels.items():
