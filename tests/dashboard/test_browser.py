@@ -378,6 +378,19 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     assert page.said == []
 
 
+def test_commands_stand_in_groups(tmp_path, page):
+    write_small(tmp_path / "served" / "boat")
+    with served(tmp_path / "served") as (address, _):
+        page.goto(address)
+        page.get_by_role("link", name="Run", exact=True).click()
+        page.get_by_role("combobox", name="Command", exact=True).click()
+        shown = page.get_by_role("listbox").inner_text().splitlines()
+        assert shown.index("Before a trial") < shown.index("prior: what the priors mean as speeds") < shown.index("Fit")
+        page.get_by_role("option", name="estimate: coefficients of every structure", exact=True).click()
+        page.get_by_role("combobox", name="by", exact=True).wait_for()
+    assert page.said == []
+
+
 def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
     folder = write_small(tmp_path / "served" / "boat", ("X_u = -1.21\n", ""))
     before = (folder / "campaign.toml").read_text()
