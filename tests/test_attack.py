@@ -25,7 +25,7 @@ def test_a_slice_of_the_attacks(tmp_path, kind, capfd):
 
 def test_the_page_counts_what_is_attacked():
     """The cases of a full run, and the kinds of log."""
-    page = (Path(__file__).parents[1] / "docs" / "reliability.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "dev" / "reliability.md").read_text()
     table = page.partition("| `--only` | cases of a full run")[2].partition("## Counts")[0]
     cases = {
         kind: int(count.replace(" ", "")) for kind, count in re.findall(r"^\| `(\w+)` \| ([\d ]+) \|", table, re.M)
