@@ -4,13 +4,14 @@
 on new runs. Vehicles with a late thruster, a backlash, waves, a drifting current, a dead zone, drag of other powers, another mass than
 stated, and more, are simulated by a plain loop that shares no code with seatrial. Three runs of each are fitted by a model that lacks the
 effect. For the bands three new ones are predicted, the verdict is read, and what it claims is checked on further runs, which neither the
-fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes a table in
-docs/dev/held_back.md.
+fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes tables in
+docs/dev/held_back.md; those of the coefficients, one of effects in the list of those tried and one of the others, are in
+docs/validation.md too.
 """
 
 import argparse
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -69,6 +70,7 @@ class Kind:
         duration: of each run, s.
         further: runs on which the verdict is checked: as many as tell a share of 90 % to a few per cent.
         share: of the vehicles that are asked for.
+        is_tried: whether the effect is in the list of those over which the ± averages.
     """
 
     words: str
@@ -81,18 +83,19 @@ class Kind:
     duration: float = 60.0
     further: int = 10
     share: float = 1.0
+    is_tried: bool = False
 
 
 KINDS = {
-    "nothing": Kind("nothing", 0.0),
-    "lag": Kind("a thruster that lags", 2.0, of="lag"),
+    "nothing": Kind("nothing", 0.0, is_tried=True),
+    "lag": Kind("a thruster that lags", 2.0, of="lag", is_tried=True),
     "waves": Kind("waves of 7 s", 3.0, force=lambda t, u, size, phase: size * np.sin(2 * np.pi * t / 7.0 + phase)),
     "current": Kind("a current that drifts", 0.15, of="current", further=60),
     "current, long runs": Kind(
         "a current that drifts, runs of 5 min", 0.15, of="current", duration=300.0, further=30, share=0.3
     ),
     "dead zone": Kind("a dead zone", 90.0, thrust=lambda n, size: np.where(np.abs(n) < size, 0.0, n)),
-    "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3),
+    "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3, is_tried=True),
     "mass": Kind("mass off by 2 to 7 %", 0.07, of="mass", least=2 / 7),
     "scale": Kind("sensor's scale off by 1 to 3 %", 0.03, of="scale"),
     "inflow": Kind("thrust falls with the inflow", 0.3, inflow=lambda u, size: 1 - size * (u / 1.5) * (1 - u / 3.0)),
@@ -103,7 +106,7 @@ KINDS = {
         force=lambda t, u, size, phase: -12.0 * (size * np.sin(2 * np.pi * t / 20.0 + phase)) ** 2,
         least=0.4,
     ),
-    "backlash": Kind("backlash of the thruster", 15.0, of="backlash"),
+    "backlash": Kind("backlash of the thruster", 15.0, of="backlash", is_tried=True),
 }
 ERRORS = {
     "white": {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)},
@@ -331,15 +334,32 @@ HEADS = {
     "bands": "| the model lacks | error model | vehicles | inside 90 % bands | held | fail | unjudged | held or fail | false pass "
     "| pass, too wide | inside widened bands | widest hold 85 % | interval covers |",
 }
+PARTS = "Effects in the list of those tried, and none:", "Effects outside that list:"
+"""Words above the two tables of coefficients."""
 
 
-def _write(table: str, rows: list[str]) -> None:
+def _write(table: str, rows: Sequence[str]) -> None:
+    """Write rows, one for each kind and model of the error, into the pages."""
+    text, start, end = (
+        tables(table, rows),
+        f"<!-- results: python docs/held_back.py {table} -->\n",
+        "<!-- end of results -->",
+    )
+    for page in (HERE / "dev" / "held_back.md", HERE / "validation.md"):
+        before, found, after = page.read_text().partition(start)
+        if found:
+            write_text(page, f"{before}{start}\n{text}\n{end}{after.split(end, 1)[1]}")
+
+
+def tables(table: str, rows: Sequence[str]) -> str:
+    """Return one table; of coefficients one for effects in the list of those tried, and one for the others."""
     head = HEADS[table]
-    start, end = f"<!-- results: python docs/held_back.py {table} -->\n", "<!-- end of results -->"
-    lines = [head, "|" + "---|" * (head.count("|") - 1), *rows]
-    page = HERE / "dev" / "held_back.md"
-    before, _, after = page.read_text().partition(start)
-    write_text(page, f"{before}{start}\n" + "\n".join(lines) + f"\n\n{end}" + after.split(end, 1)[1])
+    rule = "|" + "---|" * (head.count("|") - 1)
+    if table == "bands":
+        return "\n".join([head, rule, *rows]) + "\n"
+    tried = {kind.words for kind in KINDS.values() if kind.is_tried}
+    parts = [[row for row in rows if (row.split(" | ")[0][2:] in tried) == is_tried] for is_tried in (True, False)]
+    return "\n".join("\n".join([words, "", head, rule, *part]) + "\n" for words, part in zip(PARTS, parts, strict=True))
 
 
 if __name__ == "__main__":
