@@ -1,10 +1,11 @@
-"""Are the stated probabilities of terms true? `python docs/term_probabilities.py [--records N] [--full N]`.
+"""Are the stated probabilities of terms true? `python docs/term_probabilities.py [--records N] [--full N]`, or `--redraw`.
 
 Vehicles draw which of four terms they have, and their coefficients, from the priors of the model. A plain loop that shares no code with
 seatrial simulates three runs of each: with white noise, with a slow error of the sensor, with a mass that is not the stated one, with a
 force that drifts, and with a thruster that lags. Of all 16 structures the evidence within the model is found, and the one with every error;
 the probabilities of the terms that follow are compared with the truth. What is done is kept in outputs/term_probabilities. Writes the
-table in docs/dev/term_probabilities.md and the numbers in docs/dev/term_probabilities.json.
+numbers in docs/dev/term_probabilities.json, and from these the table in docs/dev/term_probabilities.md and
+docs/dev/term_probabilities.svg; `--redraw` writes only what is made from the numbers.
 """
 
 import argparse
@@ -17,6 +18,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+from matplotlib.figure import Figure
+from scipy import stats
 from scipy.special import expit, logit
 
 import seatrial as st
@@ -24,10 +27,26 @@ from seatrial.core.files import write_text
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.posterior.posterior import Posterior
+from seatrial.report.drawing import draw_svg
+from seatrial.report.figures.style import (
+    BAND,
+    BLUE,
+    INK,
+    MUTED,
+    ORANGE,
+    POINT,
+    SMALL,
+    draw_dots,
+    own_settings,
+    style_axes,
+)
 from seatrial.selection.importance import ImportanceSettings, importance_evidence
 
 HERE = Path(__file__).parent
 STATE = HERE.parent / "outputs" / "term_probabilities"
+NUMBERS = HERE / "dev" / "term_probabilities.json"
+KINDS = {"within the model": False, "with every error": True}
+"""Kinds of probabilities, and whether every error is in them."""
 RESULTS = "<!-- results -->"
 """Where the table begins in the page."""
 STEP, FINE, SAMPLES, RUNS = 0.1, 5, 400, 3
@@ -196,40 +215,90 @@ def scored(stated: np.ndarray, truth: np.ndarray) -> dict:
 
 
 def main() -> None:
-    """Simulate and judge what is not done yet, and write the table."""
+    """Simulate and judge what is not done yet, and write numbers, table and picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=200)
     parser.add_argument("--full", type=int, default=10, help="vehicles with importance sampling too")
+    parser.add_argument("--redraw", action="store_true", help="only write table and picture again from the numbers")
     asked = parser.parse_args()
-    st.configure()
-    results, rows = {}, []
-    for number in range(asked.records):
-        for arm in ARMS:
-            _judged(arm, number, 0)
-    for number in range(asked.full):
-        for arm in ARMS:
-            _judged(arm, number, 4096)
-    apart = []
-    for arm, about in ARMS.items():
+    if not asked.redraw:
+        st.configure()
+        write_text(NUMBERS, json.dumps(results(asked.records, asked.full), indent=1) + "\n")
+    write_page(json.loads(NUMBERS.read_text()))
+
+
+def results(records: int, full: int) -> dict:
+    """Return the scores of each arm, after what is not done yet; so many vehicles of each, and so many with importance sampling too."""
+    found, apart, both = {}, [], 0
+    for count, draws in ((records, 0), (full, 4096)):
+        for number in range(count):
+            for arm in ARMS:
+                _judged(arm, number, draws)
+    for arm in ARMS:
         done = _done(arm, 0)
         truth = np.array([row["present"] for row in done])
-        for words, with_errors in (("within the model", False), ("with every error", True)):
-            one = results[f"{arm}, {words}"] = scored(probabilities(done, with_errors=with_errors), truth)
-            rows.append(_row(about.words, words, one))
-        if full := _done(arm, 4096):
-            apart.append(float(np.abs(probabilities(full, "full") - probabilities(full)).max()))
-    results["largest difference of the full route"] = max(apart, default=None)
-    write_text(HERE / "dev" / "term_probabilities.json", json.dumps(results, indent=1) + "\n")
-    page = HERE / "dev" / "term_probabilities.md"
+        for words, with_errors in KINDS.items():
+            found[f"{arm}, {words}"] = scored(probabilities(done, with_errors=with_errors), truth)
+        if again := _done(arm, 4096):
+            both += len(again)
+            apart.append(float(np.abs(probabilities(again, "full") - probabilities(again)).max()))
+    return found | {
+        "largest difference of the full route": max(apart, default=None),
+        "vehicles of the full route": both,
+    }
+
+
+def write_page(found: dict) -> None:
+    """Write table and picture from the numbers."""
     heads = "| the model lacks | probabilities | vehicles | slope | log score | expected | "
     heads += " | ".join(["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]) + " |\n"
+    rows = [_row(about.words, words, found[f"{arm}, {words}"]) for arm, about in ARMS.items() for words in KINDS]
     last = (
-        f"Of {len(ARMS) * len(full)} vehicles, importance sampling moves a probability by {max(apart):.2f} at most."
-        if apart
+        f"Of {found['vehicles of the full route']} vehicles, importance sampling moves a probability by "
+        f"{found['largest difference of the full route']:.2f} at most.\n"
+        if found["vehicles of the full route"]
         else ""
     )
-    before = page.read_text().split(RESULTS)[0]
-    write_text(page, f"{before}{RESULTS}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + f"\n\n{last}\n")
+    with own_settings():
+        write_text(HERE / "dev" / "term_probabilities.svg", draw_svg(reliability_figure(found), "term-probabilities"))
+    page = HERE / "dev" / "term_probabilities.md"
+    before, picture = (
+        page.read_text().split(RESULTS)[0],
+        "![Share of terms that are there by stated probability](term_probabilities.svg)",
+    )
+    write_text(page, f"{before}{RESULTS}\n\n{picture}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + f"\n\n{last}")
+
+
+def reliability_figure(found: dict) -> Figure:
+    """Draw, for each arm, the share of terms that are there by the stated probability, and the 95 % bands of a binomial share."""
+    width, panel, left, top, bottom = 640.0, 108.0, 34.0, 22.0, 52.0
+    height, gap = panel + top + bottom, (width - left - 8 - 5 * panel) / 4
+    figure = Figure(figsize=(width * POINT, height * POINT), dpi=72)
+    for i, (arm, about) in enumerate(ARMS.items()):
+        x = left + i * (panel + gap)
+        axes = style_axes(figure.add_axes((x / width, bottom / height, panel / width, panel / height)))
+        axes.plot([0, 1], [0, 1], color=MUTED, linewidth=0.8)
+        for words, color, aside in zip(KINDS, (ORANGE, BLUE), (0.012, -0.012), strict=True):
+            for true, said, count in found[f"{arm}, {words}"]["bins"]:
+                low, high = stats.binom(count, said).ppf([0.025, 0.975]) / count
+                axes.plot([said + aside] * 2, [low, high], color=color, alpha=BAND, linewidth=5, solid_capstyle="butt")
+                draw_dots(axes, np.array([said + aside]), np.array([true]), color=color, size=3.0)
+        axes.set_xlim(-0.04, 1.04)
+        axes.set_ylim(-0.04, 1.04)
+        axes.set_xticks([0, 0.5, 1], ["0", ".5", "1"])
+        axes.set_yticks([0, 0.5, 1], ["0", ".5", "1"] if i == 0 else ["", "", ""])
+        axes.set_title(about.words, fontsize=SMALL - 1, color=INK, pad=4, loc="left")
+    figure.text(
+        0.5,
+        24 / height,
+        "stated probability; upwards: share of terms that are there",
+        fontsize=SMALL,
+        color=INK,
+        ha="center",
+    )
+    words = "blue: with every error; orange: within the model; bars: 95 % of the shares if the probability is right"
+    figure.text(0.5, 8 / height, words, fontsize=SMALL, color=INK, ha="center")
+    return figure
 
 
 def _judged(arm: str, number: int, draws: int) -> None:
