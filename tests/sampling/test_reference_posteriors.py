@@ -25,6 +25,8 @@ CASES = [
     ("lynx-hare", "independence-metropolis"),
     ("autoregression", "adaptive-metropolis"),
     ("garch", "metropolis"),
+    ("one-compartment", "adaptive-metropolis"),
+    ("mixture", "de-metropolis"),
     ("eight-schools", "de-metropolis"),
     ("eight-schools", "nuts"),
 ]
