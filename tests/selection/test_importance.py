@@ -283,6 +283,18 @@ def test_no_finite_density():
         weigh(target, [ProposalComponent(np.zeros(1), np.eye(1))], KEY, 64)
 
 
+def test_a_single_draw_that_counts_is_no_tail():
+    """All others lie over 700 nats lower: their smoothed weights would be no numbers, and the shares of a refit neither."""
+    target = posterior({"x": Normal(0.0, 1.0)}, lambda values, data: -1e9 * values["x"] ** 2)
+    proposal = importance.ProposalComponent(np.zeros(1), np.eye(1))
+    weights = importance.weigh(target, [proposal], jax.random.key(0), 256)
+    assert np.isfinite(weights.smoothed).sum() >= 1
+    assert np.exp(weights.smoothed).sum() == pytest.approx(1.0)
+    assert weights.k_hat == np.inf
+    (refitted,) = importance.refit([proposal], weights)
+    assert refitted.share == pytest.approx(1.0)
+
+
 def test_same_key_same_bits():
     mode = find_mode(PAIR.posterior, key=KEY)
     first, again, other = (

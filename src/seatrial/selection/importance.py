@@ -216,6 +216,8 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
             f"none of {n} draws about the posterior mode has a finite density: start from another mode, or narrow the prior"
         )
     smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
+    if np.isnan(smoothed).any():  # hardly more than one draw counts: there is no tail to smooth
+        smoothed, k_hat = log_weight - _log_sum(log_weight), np.inf
     ess = 1.0 / float(np.sum(np.exp(2 * (log_weight - _log_sum(log_weight)))))
     return Weights(np.asarray(z), log_weight, np.asarray(smoothed), float(k_hat), ess)
 
