@@ -2,7 +2,8 @@
 
 Some 25 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes
 docs/dev/evidence.svg and the tables in docs/dev/evidence.md; exits with 3 where errors are stated too small, or where agreement is wrong in
-silence. With a number, `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written.
+silence. With a number, `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written. With names of
+hard targets, `python docs/evidence.py "egg box, 2"`, only these are run, and their rows in the page are replaced.
 """
 
 import json
@@ -61,11 +62,17 @@ HARD: dict[str, Callable[[], known.Problem]] = {
     "two peaks, 2": known.two_peaks,
     "phase transition, 10": known.phase_transition,
     "wide regression, 4": known.wide_regression,
+    "shells, 2": partial(known.shells, 2),
+    "shells, 5": partial(known.shells, 5),
+    "shells, 10": partial(known.shells, 10),
+    "egg box, 2": known.egg_box,
 }
 METHODS = ("importance", "smc", "bridge", "nested", "prior")
 SLOW = ("normal, 10", "normal, 20", "phase transition, 10")
 CHEAP = {"importance": 100, "prior": 100, "savage-dickey": 100}
 USUAL, FEW = 40, 20
+RARE = {"shells, 2": 10, "shells, 5": 5, "shells, 10": 3, "egg box, 2": 8}
+"""Repeats of what is not cheap, of targets that take longest."""
 TERM_CHAINS = ChainSettings(warmup=2000, draws=2000, thin=4)
 BRIDGE_CHAINS = ChainSettings(chains=32, warmup=3000, draws=12000, thin=4)
 PRIOR_DRAWS = 100_000
@@ -87,20 +94,25 @@ class Answer(NamedTuple):
 
 
 def main() -> None:
-    """Run all cases, two at once, and write what was found."""
-    most = int(sys.argv[1]) if len(sys.argv) > 1 else None
-    cases = [(method, target) for target in (*BENIGN, *HARD) for method in methods_for(target)]
+    """Run all cases, two at once, or those of some targets, and write what was found."""
+    named = [one for one in sys.argv[1:] if one in HARD]
+    most = int(sys.argv[1]) if sys.argv[1:] and not named else None
+    cases = [(method, target) for target in named or (*BENIGN, *HARD) for method in methods_for(target)]
     done = run_side_by_side([partial(run_case, *case, most) for case in cases])
     found = dict(zip(cases, done, strict=True))
     text = tables(found, list(BENIGN), list(HARD))
     failed = failures(found, list(BENIGN))
     print(text, *failed, sep="\n")
-    if most is None:
+    page = HERE / "dev" / "evidence.md"
+    before = page.read_text(encoding="utf-8")
+    if named:
+        kept = [line for line in before.splitlines() if not line.startswith(tuple(f"| {target} |" for target in named))]
+        rows = [line for line in text.splitlines() if line.startswith(tuple(f"| {target} |" for target in named))]
+        write_text(page, "\n".join([*kept, *rows]) + "\n")
+    elif most is None:
         rows = [target for target in (*BENIGN, *HARD) if target != TERM]
         with own_settings():
             write_text(HERE / "dev" / "evidence.svg", draw_svg(score_figure(found, rows), "evidence"))
-        page = HERE / "dev" / "evidence.md"
-        before = page.read_text(encoding="utf-8")
         picture = "![Errors of up to 40 runs of each in units of what each stated](evidence.svg)"
         write_text(page, f"{before[: before.index(RESULTS)]}{RESULTS}\n\n{picture}\n\n{text}")
     sys.exit(3 if failed else 0)
@@ -115,7 +127,7 @@ def methods_for(target: str) -> Sequence[str]:
 
 def repeats_of(method: str, target: str) -> int:
     """Repeats that the time allows."""
-    usual = CHEAP.get(method, FEW if target in SLOW else USUAL)
+    usual = CHEAP.get(method, RARE.get(target, FEW if target in SLOW else USUAL))
     return LEAST.get((method, target), usual)
 
 

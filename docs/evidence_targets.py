@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy import integrate, stats
+from scipy import integrate, special, stats
 
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.priors import LogNormal, LogUniform, Normal, Prior, Uniform
@@ -121,6 +121,31 @@ def phase_transition(d: int = 10, spike: float = 0.01, slab: float = 0.1, away: 
     return Problem(target, float(np.logaddexp(np.log(100.0) + inside[0], inside[1])), "closed form")
 
 
+def shells(d: int, radius: float = 2.0, width: float = 0.1, away: float = 3.5, half: float = 6.0) -> Problem:
+    """Two thin spherical shells in a box (Feroz, Hobson and Bridges, MNRAS 398, 2009); each is integrated over its radius."""
+    centre = np.zeros(d)
+    centre[0] = away
+    data = jnp.asarray(np.stack([-centre, centre])), jnp.asarray(radius), jnp.asarray(width)
+    area = np.log(2.0) + 0.5 * d * np.log(np.pi) - special.gammaln(0.5 * d)
+
+    def density(r: float) -> float:
+        return float(r ** (d - 1) * stats.norm.pdf(r, radius, width))
+
+    inside = integrate.quad(density, 0.0, half - away, points=[radius], epsabs=0.0, epsrel=1e-10)[0]
+    exact = np.log(2.0 * inside) + area - d * np.log(2.0 * half)
+    target = _posterior({f"x{i}": Uniform(-half, half) for i in range(d)}, _on_shells, data)
+    return Problem(target, float(exact), "quadrature over the radius")
+
+
+def egg_box() -> Problem:
+    """Some eighteen equal peaks, of log height 243 (Feroz, Hobson and Bridges, MNRAS 398, 2009); a grid of 2000 points a side is exact."""
+    side = (np.arange(2000) + 0.5) * 10 * np.pi / 2000
+    logs = (2.0 + np.cos(side[:, None] / 2) * np.cos(side / 2)) ** 5
+    box = Uniform(0.0, 10 * np.pi)
+    exact = special.logsumexp(logs) - np.log(logs.size)
+    return Problem(_posterior({"x": box, "y": box}, _egg_box, None), float(exact), "quadrature over both")
+
+
 def _posterior(priors: dict[str, Prior], likelihood: Callable[[dict[str, Any], Any], Any], data: Any) -> Posterior:
     return Posterior(tuple(Parameter(name, "1", name, prior) for name, prior in priors.items()), likelihood, data)
 
@@ -168,3 +193,15 @@ def _mixture(values: dict[str, Any], data: Any) -> Any:
     square = jnp.sum(((x - centres) / sd[:, None]) ** 2, -1)
     terms = log_weight - 0.5 * square - x.size * (jnp.log(sd) + 0.5 * jnp.log(2 * jnp.pi))
     return jnp.logaddexp(terms[0], terms[1])
+
+
+def _on_shells(values: dict[str, Any], data: Any) -> Any:
+    centres, radius, width = data
+    x = jnp.stack(list(values.values()))
+    off = (jnp.sqrt(jnp.sum((x - centres) ** 2, -1)) - radius) / width
+    terms = -0.5 * off**2 - jnp.log(width) - 0.5 * jnp.log(2 * jnp.pi)
+    return jnp.logaddexp(terms[0], terms[1])
+
+
+def _egg_box(values: dict[str, Any], data: Any) -> Any:
+    return (2.0 + jnp.cos(values["x"] / 2) * jnp.cos(values["y"] / 2)) ** 5

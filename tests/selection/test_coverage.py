@@ -21,13 +21,30 @@ def density_by_rows(target, rows, axis):
     return jax.lax.map(lambda x: density(jnp.stack([jnp.full(axis.size, x), axis], -1)), rows)
 
 
-@pytest.mark.parametrize("problem", [lambda: known.normal(2), known.banana, known.beyond_the_edge, known.two_peaks])
+@pytest.mark.parametrize(
+    "problem",
+    [
+        lambda: known.normal(2),
+        known.banana,
+        known.beyond_the_edge,
+        known.two_peaks,
+        lambda: known.shells(2),
+        known.egg_box,
+    ],
+)
 def test_exact_values_of_two_parameters(problem):
     """By a sum over the plane of z, whose steps are a third of the narrowest peak's standard deviation at most."""
     problem = problem()
     axis = jnp.linspace(-7.0, 7.0, 1401)
     total = float(density_by_rows(problem.posterior, axis, axis).sum())
     assert np.log(total) + 2 * np.log(0.01) == pytest.approx(problem.log_evidence, abs=1e-5)
+
+
+def test_published_values():
+    """Of the shells Feroz, Hobson and Bridges (MNRAS 398, 2009) print two decimals; the egg box is what other packages test against."""
+    found = [known.shells(d).log_evidence for d in (2, 5, 10, 20)]
+    np.testing.assert_allclose(found, [-1.7456, -5.6736, -14.5905, -36.0865], atol=1e-4)
+    assert known.egg_box().log_evidence == pytest.approx(235.856, abs=5e-4)
 
 
 @pytest.mark.proof
