@@ -4,7 +4,8 @@
 
 What the export keeps is `Exporter.carries`; what it loses is stated by the export itself, and stands beside the difference. A driver of
 a target (`gz.py`, `stonefish.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
-prints the table of all results, and with `--write` puts it into docs/how-to/export.md. None of it runs in CI: the targets' sources stay outside.
+prints the table of all results, and with `--write` puts it into docs/dev/exports.md. None of it runs in CI: the targets' sources stay
+outside.
 """
 
 import json
