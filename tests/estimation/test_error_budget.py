@@ -329,6 +329,22 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
     assert 1.645 * found.ratio[at] > 0.9 * max(wrong.values())
 
 
+def test_a_step_to_a_motion_that_no_number_solves_is_halved(monkeypatch):
+    """About an unstable vehicle a step may lead to a motion that is finite, but too large for the sets to be solved."""
+    posterior = posterior_of(lag=0.8)
+    mode = find_mode(posterior, 0)
+    expected, average, calls = error_budget(posterior, mode, EXACT), LinearModel.average, iter(range(1000))
+
+    def failing_once(model, *kinds):
+        if next(calls) == 1:
+            raise np.linalg.LinAlgError("Singular matrix")
+        return average(model, *kinds)
+
+    monkeypatch.setattr(LinearModel, "average", failing_once)
+    found = error_budget(posterior, mode, EXACT)
+    np.testing.assert_allclose(found.ratio, expected.ratio, rtol=0.1)
+
+
 @pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_lag_whose_place_a_delay_has_taken_is_not_named(seed):

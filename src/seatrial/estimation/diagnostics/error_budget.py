@@ -260,8 +260,8 @@ def _follow_best(
     first = known = model = begin(is_short)
     z, sizes, lags = first.at.z, first.at.sizes, first.at.lags
     for _ in range(ROUNDS):
-        if model is not None and model.is_finite:
-            known, best = model, model.average(left_out)[0]
+        if model is not None and (members := _sets_of(model, left_out)):
+            known, best = model, members[0]
             k = len(known.moving)
             x, sizes = known.x.copy(), np.zeros(known.at.sizes.size)
             x[known.moving], sizes[best.columns] = best.values[:k], best.values[k:]
@@ -283,6 +283,14 @@ def _follow_best(
         known = begin(True)
         best = known.average(left_out)[0]
     return known, best
+
+
+def _sets_of(model: LinearModel, left_out: Sequence[str]) -> list[Member]:
+    """Return the sets of sources about a motion; none where it is not finite, or too large for double precision to solve."""
+    try:
+        return model.average(left_out) if model.is_finite else []
+    except np.linalg.LinAlgError:
+        return []
 
 
 def _follow_lags(
