@@ -88,6 +88,11 @@ VARIANTS = (
         "Y_uv Y_ur Y_v3 Y_vvr Y_vrr Y_r3 Y_udelta_r N_uv N_ur N_v3 N_vvr N_vrr N_r3 N_udelta_r",
     ),
     Variant(
+        "linear forces only, with the speed, the zigzags of 10 deg only",
+        "Y_uv Y_ur Y_udelta_r N_uv N_ur N_udelta_r",
+        runs=("10_05", "10_10_P"),
+    ),
+    Variant(
         "every linear force with the speed, the zigzags of 10 deg only",
         "Y_uv Y_ur Y_vabsv Y_udelta_r N_uv N_ur N_vabsv N_udelta_r",
         runs=("10_05", "10_10_P"),
