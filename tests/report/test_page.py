@@ -23,7 +23,7 @@ from seatrial.messages.structures import QUOTED
 from seatrial.report import drawing
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, render, write_report
-from seatrial.report.sections.fits import fits_section
+from seatrial.report.sections.fits import first_run, fits_section
 from seatrial.report.sections.models import models_section
 from seatrial.report.sections.summary import answer
 from seatrial.selection.verdict import averaged
@@ -139,6 +139,25 @@ def test_sections_come_in_order_and_figures_have_titles(html, page):
 
 def test_held_back_records_are_marked(html):
     assert html.count('<span class="badge held">held back</span>') == 1 + 2 + 1
+
+
+def test_the_first_figure_is_of_the_held_back_run_that_moves_most_and_stands_once(outcome, html):
+    first = html[html.index('id="summary"') : html.index('id="models"')]
+    assert first.index("Values ± standard deviation") < first.index(
+        f"<h3>Run {HELD}, held back: measured and predicted"
+    )
+    assert first.count("<svg") == 1
+    index = first_run(outcome)
+    assert index == len(outcome.trials.fit)
+    assert f'id="fit-{index}-title"' not in html
+    assert f'id="residuals-{index}-title"' in html
+    assert f'id="fit-{1 - index % 2}-title"' in html
+    fitted = replace(outcome, trials=replace(outcome.trials, predict=()))
+    rows = outcome.predictions["record"].values
+    data = outcome.predictions.copy(deep=True)
+    for moves in (0, 1):
+        data["measured"][...] = np.where((rows == moves)[:, None], 2.0, 1.0) * outcome.predictions["measured"].values
+        assert first_run(replace(fitted, predictions=data)) == moves
 
 
 def test_what_lies_below_the_answer_folds_and_opens_for_print(html):

@@ -7,6 +7,7 @@ import numpy as np
 from seatrial.campaign.inference.baselines import NOTHING_HELD_BACK, refused_words
 from seatrial.campaign.inference.judge_predictions import trial_verdicts
 from seatrial.campaign.inference.structure_average import StructureAverage, average_of
+from seatrial.campaign.store.estimates import TINY
 from seatrial.campaign.store.predictions import Fit
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import count_below, shown_unit
@@ -24,12 +25,14 @@ from seatrial.estimation.prediction.fit_verdict import (
 from seatrial.messages.predictions import comparison_text, explained_text
 from seatrial.messages.render import statement
 from seatrial.report.drawing import draw, model_said, record_curves
-from seatrial.report.figures.fit import record_fit, record_residuals
+from seatrial.report.figures.fit import DrawnChannel, Driven, record_fit, record_residuals
 from seatrial.report.labels import sentence_html
 from seatrial.report.numbers import DASH, percent, short, typeset, unit_text
 
 # Dots and panels worth their bytes and their time on the whole page, and rows of a table before the others fold.
 POINTS, PANELS, MAX_ROWS = 5000, 24, 6
+# Dots, channels and controls in the figure of the first screen.
+MAX_POINTS, MAX_CHANNELS, MAX_CONTROLS = 1000, 3, 2
 # How each verdict looks among the findings of the page.
 LOOKS = {"pass": "finding", "unjudged": "caution", "caution": "caution", "fail": "alarm"}
 NOUNS = {
@@ -51,7 +54,8 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
     channels = len(outcome.campaign.channels)
     drawn = order[: max(1, PANELS // (3 * channels + len(records[0].controls)))]
     most = int(np.clip(POINTS / (len(drawn) * channels), 250, 1000))
-    cards = [_card(outcome, at, records[at], records[at].label in held_back, most) for at in drawn]
+    first = first_run(outcome)
+    cards = [_card(outcome, at, records[at], records[at].label in held_back, most, at == first) for at in drawn]
     rows = [_row(fit) for fit in outcome.fits]
     average = average_of(outcome.campaign, outcome.estimates, outcome.selection)
     return {
@@ -78,6 +82,49 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
     }
 
 
+def first_run(outcome: Outcome) -> int:
+    """Return the index of the run that the first screen shows: of the held-back runs, or else the fitted ones, that which moves most.
+
+    Its motion is the standard deviation of each channel over the largest among these runs, averaged over the channels.
+    """
+    data, fitted = outcome.predictions, len(outcome.trials.fit)
+    runs = range(fitted, fitted + len(outcome.trials.predict)) if outcome.trials.predict else range(fitted)
+    measured = (data["measured"].values[data["record"].values == index] for index in runs)
+    spread = np.array(
+        [
+            [np.std(column[np.isfinite(column)] if np.isfinite(column).any() else 0.0) for column in one.T]
+            for one in measured
+        ]
+    )
+    return runs[int(np.argmax((spread / np.maximum(spread.max(0), TINY)).mean(1)))]
+
+
+def first_figure(outcome: Outcome) -> dict[str, Any]:
+    """Return the picture of that run for the first screen: `MAX_CHANNELS` at most, and the controls if they are few."""
+    index = first_run(outcome)
+    record = [*outcome.trials.fit, *outcome.trials.predict][index]
+    held_back = index >= len(outcome.trials.fit)
+    time, channels, controls = record_curves(outcome, index, record)
+    few, _ = _split(channels, controls)
+    title = f"{_title(record)}{', held back' if held_back else ''}: measured and predicted"
+    return {
+        "figure": draw(record_fit(time, *few, held_back, MAX_POINTS), "first", title, heading=title),
+        "basis": _basis(outcome),
+        "held_back": held_back,
+        "has_controls": bool(few[1]),
+    }
+
+
+def _split(channels: list[DrawnChannel], controls: list[Driven]) -> tuple[tuple[list[DrawnChannel], list[Driven]], ...]:
+    """Return which channels and controls of its run the first screen shows, and which are left."""
+    seen = controls if len(controls) <= MAX_CONTROLS else []
+    return (channels[:MAX_CHANNELS], seen), (channels[MAX_CHANNELS:], [] if seen else controls)
+
+
+def _title(record: Record) -> str:
+    return "The trial" if record.label == "trial" else f"Run {record.label}"
+
+
 def _weight(outcome: Outcome, label: str, verdicts: dict[str, Finding], held_back: set[str]) -> tuple[int, bool, float]:
     """Order runs by how much they say against the model: by verdict, held-back ones first, and the worst predicted of these."""
     explained = [fit.explained for fit in outcome.fits if fit.record == label and fit.samples and not fit.missing]
@@ -90,22 +137,28 @@ def _is_slow(outcome: Outcome) -> bool:
     return any(sensor.noise in ("coloured", "drifting") for sensor in outcome.campaign.sensor_models)
 
 
-def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int) -> dict[str, Any]:
+def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: int, is_first: bool) -> dict[str, Any]:
+    """Return the verdicts and figures of a run, without what the first screen shows of it."""
     time, channels, controls = record_curves(outcome, index, record)
-    title = "The trial" if record.label == "trial" else f"Run {record.label}"
-    fit = record_fit(time, channels, controls, held_back, most)
+    title = _title(record)
+    left = _split(channels, controls)[1] if is_first else (channels, controls)
     residuals = record_residuals(time, channels, held_back, most, _is_slow(outcome))
     before = " before the fitted correlation is taken out" if _is_slow(outcome) else ""
     return {
         "title": title,
         "held_back": held_back,
+        "is_first": is_first,
         "verdicts": [
             {"level": fit.level, "kind": LOOKS[fit.level], "reason": sentence_html(fit.finding, {})}
             for fit in outcome.fits
             if fit.record == record.label
         ],
         "figures": [
-            draw(fit, f"fit-{index}", f"{title}: measured and predicted"),
+            *(
+                [draw(record_fit(time, *left, held_back, most), f"fit-{index}", f"{title}: measured and predicted")]
+                if any(left)
+                else []
+            ),
             draw(
                 residuals,
                 f"residuals-{index}",

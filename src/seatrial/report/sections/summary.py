@@ -30,6 +30,7 @@ from seatrial.report.drawing import (
 )
 from seatrial.report.labels import label_html, name_html
 from seatrial.report.numbers import DASH, percent, probability, typeset
+from seatrial.report.sections.fits import first_figure
 from seatrial.selection.verdict import StoredAverage
 
 RARE = 0.01  # Probability below which a term that the chosen model lacks is not worth a row
@@ -50,6 +51,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         if outcome.disowned
         else "No health check failed",
         "verdicts": find(outcome, "finding"),
+        "first": first_figure(outcome),
         "rows": rows,
         "others": others,
         "other_kinds": other_kinds([row["name"] for row in others]),
