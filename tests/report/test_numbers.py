@@ -72,3 +72,10 @@ def test_units_have_raised_powers_and_are_escaped():
     assert unit_html("1") == "–"
     assert "<" not in unit_html("<")[:1]
     assert unit_text("kg m/rad^2") == "kg m/rad²"
+
+
+def test_a_true_value_has_digits_of_its_own():
+    digits = Digits.of(5.0, 14.0)
+    assert (digits.bare(0.1), digits.exact(0.1)) == ("0", "0.1")
+    assert digits.exact(-0.60912) == "−0.6091"
+    assert Digits.of(6.3e-4, 3.4e-5).exact(6.279e-4) == "6.279"

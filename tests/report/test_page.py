@@ -160,6 +160,14 @@ def test_the_first_figure_is_of_the_held_back_run_that_moves_most_and_stands_onc
         assert first_run(replace(fitted, predictions=data)) == moves
 
 
+def test_the_table_can_be_copied_and_names_its_csv(html):
+    first = html[html.index('id="summary"') : html.index('id="models"')]
+    table = first[first.index('id="values"') : first.index("</table>")]
+    assert 'title="X_uabsu"' in table
+    assert first.index("results/quote.csv") > first.index('id="copy"') > first.index("</table>")
+    assert 'getElementById("copy")' in html[html.index("<script>") :]
+
+
 def test_what_lies_below_the_answer_folds_and_opens_for_print(html):
     first = html[html.index('id="summary"') : html.index('id="models"')]
     assert all(f"<h3>{head}</h3>" in first for head in ("Values ± standard deviation", "Which model", "What is wrong"))

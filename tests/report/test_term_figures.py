@@ -75,6 +75,15 @@ def test_a_gap_is_shown_with_its_band_and_with_noise_that_is_near():
     assert "residuals of the fit, sd" not in labels_of(structure_gaps([gap], float("nan"), "$u$ [m/s]").axes[1])
 
 
+def test_two_motions_that_would_be_one_line_are_drawn_as_their_difference():
+    time = np.arange(9.0)
+    gap = MotionGap("Run 1", time, 1 + time, 1e-3 * time, 0 * time, 2e-3 * time, (time, 1 + time))
+    (axes,) = structure_gaps([gap], 0.05, "$u$ [m/s]").axes
+    assert "posterior means" in labels_of(axes)
+    assert "measured" not in labels_of(axes)
+    assert axes.get_title("left") == "Run 1"
+
+
 def test_the_picture_is_one_file_that_stands_alone(outcome):
     path = write_select_picture(outcome.campaign, outcome.selection, outcome.screened, outcome.contenders)
     text = path.read_text()

@@ -41,6 +41,10 @@ class Digits(NamedTuple):
         text = f"{value / 10.0**self.exponent:.{self.decimals}f}"
         return _minus(text.lstrip("-") if float(text) == 0 else text)
 
+    def exact(self, value: float) -> str:
+        """Write a number that is known, without its power of ten and with digits of its own: `0.1` where the sd is 14."""
+        return _minus(f"{float(f'{value / 10.0**self.exponent:.4g}'):.12g}")
+
     def pair(self, value: float, sd: float) -> str:
         """Write a value with its standard deviation, without their power of ten."""
         known = self.decimals is not None and isfinite(value) and isfinite(sd)

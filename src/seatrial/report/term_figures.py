@@ -127,12 +127,18 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
         columns = {name: getattr(one, name) * factor for name in ("best", "difference", "lower", "upper")}
         title = one.words[:1].upper() + one.words[1:]
         gaps.append(MotionGap(title, one.time, **columns, measured=measured.get(one.words)))
+    same = all(gap.coincides for gap in gaps)
+    motions = (
+        f"Only the difference is drawn, {best} minus {runner}, because it is less than the width of a line: "
+        if same
+        else f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, their difference: "
+    )
     return TermFigure(
         "contenders",
         structure_gaps(gaps, factor * contenders.noise, signal_axis(channel)),
-        "The two most probable models over one plot",
-        f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, by how much they differ: at the posterior means (line), "
-        "and the 90 % band of both posteriors. Dashed, where it is in sight: the standard deviation of the residuals.",
+        "Difference between the two most probable models" if same else "The two most probable models over one plot",
+        f"{motions}at the posterior means (line), and the 90 % band of both posteriors. "
+        "Dashed, if it is in sight: the standard deviation of the residuals.",
     )
 
 

@@ -42,6 +42,7 @@ STRUCTURE_ROW = 18.0  # Height of a term, points
 # Heights of the panels of motion and of difference, and of the line above them, points.
 MOTION_ROW, GAP_ROW, HEAD = 110.0, 60.0, 22.0
 AXIS = "factor on the priors’ standard deviations"
+LINE = 0.01  # Width of a line as a share of the height of its panel
 NEAR = 11.0  # Least distance of two names at the right edge, points
 
 
@@ -58,6 +59,11 @@ class MotionGap(NamedTuple):
     lower: Float[np.ndarray, " n"]
     upper: Float[np.ndarray, " n"]
     measured: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def coincides(self) -> bool:
+        """Whether a plot of the motion shows one line for both: they differ by less than its width."""
+        return float(np.abs(self.difference).max()) < LINE * float(np.ptp(self.best))
 
 
 class CoefficientPath(NamedTuple):
@@ -112,21 +118,23 @@ def model_space(
 def structure_gaps(gaps: Sequence[MotionGap], noise: float, axis: str) -> "Figure":
     """Draw two panels for each manoeuvre: both structures over what was measured, and their difference, on one scale.
 
+    Without the first where both would be one line.
+
     Args:
         gaps: from the top.
         noise: standard deviation of the sensor, as shown; NaN where there is none.
         axis: symbol of the channel and its unit in brackets.
     """
-    heights = [MOTION_ROW, GAP_ROW] * len(gaps)
+    heights = [height for gap in gaps for height in ([MOTION_ROW] * (not gap.coincides) + [GAP_ROW])]
     figure, panels = new_figure(WIDE, heights, left=58, right=14, top=HEAD, gap=HEAD + 14, bottom=38, share_x=False)
     reach = 1.15 * max(float(np.nanmax(np.abs([gap.lower, gap.upper, gap.difference]))) for gap in gaps)
     reach = max(reach, 1.15 * noise if np.isfinite(noise) and noise < 4 * reach else 0.0, 1e-9)
-    for motion, axes, gap in zip(panels[::2], panels[1::2], gaps, strict=True):
-        if gap.measured is not None:
-            draw_dots(motion, *gap.measured, label="measured")
-        motion.plot(gap.time, gap.best, color=BLUE, linewidth=1.6, label="best", zorder=3)
-        other = gap.best - gap.difference
-        motion.plot(gap.time, other, color=ORANGE, linewidth=1.4, linestyle=(0, (4, 3)), label="runner-up", zorder=4)
+    left = iter(panels)
+    for gap in gaps:
+        first = axes = next(left)
+        if not gap.coincides:
+            _draw_motions(first, gap, axis)
+            axes = next(left)
         axes.fill_between(
             gap.time, gap.lower, gap.upper, color=BLUE, alpha=BAND, linewidth=0, label="90 % band of both posteriors"
         )
@@ -135,15 +143,22 @@ def structure_gaps(gaps: Sequence[MotionGap], noise: float, axis: str) -> "Figur
         for side in (-noise, noise):
             if np.isfinite(side):
                 axes.axhline(side, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), label="residuals of the fit, sd")
-        axes.set(ylim=(-reach, reach))
-        for panel in (motion, axes):
-            panel.set_xlim(float(gap.time[0]), float(gap.time[-1]))
-        motion.tick_params(labelbottom=False)
-        motion.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
-        label_axes(motion, y=axis)
+        axes.set(xlim=(float(gap.time[0]), float(gap.time[-1])), ylim=(-reach, reach))
+        first.set_title(gap.where.replace("$", r"\$"), fontsize=SMALL, color=INK, loc="left", pad=4)
         label_axes(axes, y=f"difference\n[{axis.rpartition('[')[2]}")
     label_axes(panels[-1], "time [s]")
     return figure
+
+
+def _draw_motions(axes: "Axes", gap: MotionGap, axis: str) -> None:
+    if gap.measured is not None:
+        draw_dots(axes, *gap.measured, label="measured")
+    axes.plot(gap.time, gap.best, color=BLUE, linewidth=1.6, label="best", zorder=3)
+    other = gap.best - gap.difference
+    axes.plot(gap.time, other, color=ORANGE, linewidth=1.4, linestyle=(0, (4, 3)), label="runner-up", zorder=4)
+    axes.set_xlim(float(gap.time[0]), float(gap.time[-1]))
+    axes.tick_params(labelbottom=False)
+    label_axes(axes, y=axis)
 
 
 def mark_decided(axes: "Axes") -> None:

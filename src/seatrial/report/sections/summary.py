@@ -226,7 +226,7 @@ def _row(outcome: Outcome, name: str, quote: Mapping[str, StoredAverage]) -> dic
         "value": digits.pair(factor * item.mean, factor * item.sd) if is_quoted else "",
         "made_of": name_html(shares_text(item.shares, item.cause), labels_of(outcome)) if is_quoted else "",
         "other": digits.pair(factor * other[0], factor * other[1]) if other else "",
-        "truth": digits.bare(truth[name]) if name in truth else "",
+        "truth": digits.exact(truth[name]) if name in truth else "",
         "outside": bool(outside),
     }
 
