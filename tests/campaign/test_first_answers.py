@@ -1,5 +1,6 @@
 """First answers: mode and regression of every structure, near the truth, and what they leave out said."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,10 +17,13 @@ from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow import whole_run
 from seatrial.campaign.workflow.steps import LOOP
-from seatrial.cli.commands.loop import _refuse_chains_unasked
+from seatrial.cli.answer import Answer
+from seatrial.cli.commands.loop import _chains_unasked, _report_of_mode
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
+from seatrial.core.reporter import SILENT
+from seatrial.report.numbers import Digits
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
@@ -58,21 +62,29 @@ def test_the_mode_and_its_spread(tmp_path):
     )
 
 
-def test_a_report_after_the_mode_names_the_command_that_samples(tmp_path, monkeypatch):
+def test_a_report_after_the_mode_is_a_first_answer_and_names_the_command_that_samples(tmp_path, monkeypatch):
     """Chains that took 6 000 s for the 6 000 samples times states of the demo campaign take 1 s for each here."""
     campaign = load_campaign(write_small(tmp_path, *NO_X_U))
     (record,) = get_trials(campaign).fit
-    _refuse_chains_unasked(campaign)  # nobody asked for the mode
+    assert _chains_unasked(campaign) == ""  # nobody asked for the mode
     monkeypatch.setattr(
         whole_run, "learnt", lambda: dict.fromkeys((one.name for one in LOOP), 0.0) | {"estimates": 6000.0}
     )
     Store(tmp_path).mode.write_text("{}")
-    with pytest.raises(InputError) as refused:
-        _refuse_chains_unasked(campaign)
+    remedy = _chains_unasked(campaign)
     minutes = record.time.size * len(campaign.structures) / 60
-    assert refused.value.remedy.startswith(
-        f"`seatrial run {tmp_path}` samples it and writes the report, in about {minutes:.0f} min"
-    )
+    said = f"`seatrial run {tmp_path}` samples the whole posterior, compares the models and writes the report, in about"
+    assert remedy.startswith(f"{said} {minutes:.0f} min")
+    assert _report_of_mode(campaign, SILENT, Answer("report"), remedy) == 0
+    (answer,) = posterior_modes(campaign, get_trials(campaign))
+    html = (tmp_path / "report.html").read_text()
+    digits = Digits.of(*answer.rows[0][2][0])
+    assert f">{digits.pair(*answer.rows[0][2][0])}</td>" in html
+    assert re.findall('<section id="([a-z]+)"', html) == ["summary", "fit"]
+    assert html.count("First answer, without chains") == 1
+    assert "These are not the values to quote" in html
+    assert "seatrial-summary" not in html
+    assert not any(Store(tmp_path).posterior("M-0").parent.glob("*"))
 
 
 def test_beside_a_standard_deviation_stands_what_makes_it_and_below_how_to_reduce_it(small):

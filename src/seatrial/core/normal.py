@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 Z90 = 1.6448536269514722  # Standard deviations from the mean of a normal distribution to the ends of its 90 % interval
+Z95 = 1.959963984540054  # Likewise of its 95 % interval
 
 
 def normal_density(x: Float[np.ndarray, " n"], mean: float, sd: float) -> Float[np.ndarray, " n"]:

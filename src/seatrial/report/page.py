@@ -36,6 +36,10 @@ CONTENTS = {
 }
 
 
+# Those of which a posterior mode has something.
+OF_FIRST_ANSWER = ("summary", "fit")
+
+
 def write_report(outcome: Outcome) -> Path:
     """Write `report.html` in the campaign's folder, atomically.
 
@@ -57,6 +61,7 @@ def write_report(outcome: Outcome) -> Path:
 def render(outcome: Outcome) -> str:
     """Return the page, without sections of which there is nothing. What is not markup made here is escaped: names are from users' files."""
     with own_settings():
-        sections = {name: section(outcome) for name, section in SECTIONS.items()}
-    contents = {name: title for name, title in CONTENTS.items() if sections[name]}
+        names = OF_FIRST_ANSWER if outcome.first_answer else tuple(SECTIONS)
+        sections = {name: SECTIONS[name](outcome) for name in names}
+    contents = {name: title for name, title in CONTENTS.items() if sections.get(name)}
     return render_html("page.html", "folds.js", contents=contents, seal=outcome.seal, **sections)

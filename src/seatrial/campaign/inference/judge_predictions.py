@@ -93,17 +93,22 @@ def predict_all(
     """Predict every record with draws from the posterior, those that were not fitted with draws of the average."""
 
     def predict() -> Predictions:
-        records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
-        predicted = [_predict(campaign, estimate, record) for record in trials.fit]
-        predicted += [_predict(campaign, average, record, True) for record in trials.predict]
-        ahead = _forecast_by(campaign, estimate, trials.fit)
-        fits = _fitted(setting, predicted[:count], ahead)
-        fits += [fit for one in predicted[count:] for fit in _fits(setting, one, ahead, trials.fit)]
-        held_back = HeldBack(tuple(fits), _pooled(setting, predicted[count:], fits), tuple(map(_curves, predicted)))
-        whole = predictions_of(campaign.channels, estimate.structure, records, trials.predict, held_back)
+        whole = predictions_by(campaign, estimate, trials, average)
         return replace(whole, disagreements=tuple(_disagreements(campaign, average, trials.predict)))
 
     return stored_predictions(campaign.folder, estimate, trials, average).read_or_make(predict)
+
+
+def predictions_by(campaign: Campaign, drawn: Drawn, trials: Trials, average: Drawn) -> Predictions:
+    """Predict every record with some draws, those that were not fitted with draws of the average; nothing is stored."""
+    records, count, setting = [*trials.fit, *trials.predict], len(trials.fit), _setting(campaign)
+    predicted = [_predict(campaign, drawn, record) for record in trials.fit]
+    predicted += [_predict(campaign, average, record, True) for record in trials.predict]
+    ahead = _forecast_by(campaign, drawn, trials.fit)
+    fits = _fitted(setting, predicted[:count], ahead)
+    fits += [fit for one in predicted[count:] for fit in _fits(setting, one, ahead, trials.fit)]
+    held_back = HeldBack(tuple(fits), _pooled(setting, predicted[count:], fits), tuple(map(_curves, predicted)))
+    return predictions_of(campaign.channels, drawn.structure, records, trials.predict, held_back)
 
 
 def predictions_of(

@@ -52,6 +52,7 @@ class Outcome:
         seal: of the stored summary, which changes with all that the summary was made from; empty where it is not stored.
         undesigned: why no next trial can be designed; empty where one is, or none is wanted.
         cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
+        first_answer: how to obtain the whole posterior, in words, where this is the posterior mode only; see `first_outcome`.
     """
 
     campaign: Campaign
@@ -77,6 +78,7 @@ class Outcome:
     seal: str = ""
     undesigned: str = ""
     cross_validation: CrossValidation | None = None
+    first_answer: str = ""
 
     def __repr__(self) -> str:
         """Print the coefficients of the chosen structure, which terms the data support, and the next trial."""

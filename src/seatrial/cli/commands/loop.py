@@ -18,46 +18,56 @@ class NextBy(StrEnum):
 def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Write report.html; compute what is missing first.
 
-    After `estimate --by mode` it names the command that samples the chains instead of starting them.
+    After `estimate --by mode` it reports the posterior mode, and does not start the chains.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.loop import run_loop
         from seatrial.campaign.workflow.next_trial import propose
 
-        _refuse_chains_unasked(campaign)
+        if remedy := _chains_unasked(campaign):
+            return _report_of_mode(campaign, reporter, answer, remedy)
         outcome = run_loop(campaign, reporter)
         return _tell_and_report(answer, outcome, propose(outcome))
 
     with_campaign(folder, quiet, work, context, also="run")
 
 
-def _refuse_chains_unasked(campaign: Any) -> None:
-    """Refuse to sample where the user has asked for the posterior mode only, and say how long the chains would take.
+def _report_of_mode(campaign: Any, reporter: Any, answer: Answer, remedy: str) -> Exit:
+    """Write the report of the posterior mode, marked as a first answer."""
+    from seatrial.campaign.inference.quick_estimates import MODE, posterior_modes
+    from seatrial.campaign.workflow.first_outcome import first_outcome
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.report.page import write_report
 
-    Raises:
-        InputError: a mode is kept, and the posteriors are not current.
-    """
+    flow = Workflow(campaign, reporter)
+    trials, campaign = flow.get("trials"), flow.get("candidates")
+    outcome = first_outcome(
+        campaign, trials, posterior_modes(campaign, trials, reporter), flow.get("baselines"), remedy
+    )
+    answer.say(MODE)
+    answer.say(remedy)
+    answer.wrote("report", write_report(outcome))
+    answer.give_findings(outcome.summary.findings)
+    return answer.finish(outcome.summary.alarms, outcome.summary.cautions)
+
+
+def _chains_unasked(campaign: Any) -> str:
+    """Return how to obtain the whole posterior, and how long it takes, where the user has asked for the posterior mode only; or empty."""
     from seatrial.campaign.store.stored_result import Store
     from seatrial.campaign.workflow.steps import LOOP, Workflow
     from seatrial.campaign.workflow.whole_run import expected_seconds, size_of
-    from seatrial.core.errors import InputError
     from seatrial.core.reporter import duration_text
 
     flow, folder = Workflow(campaign), campaign.folder
     if not Store(folder).mode.is_file() or flow.state("estimates") == "current" or flow.state("trials") != "current":
-        return
+        return ""
     missing = [step.name for step in LOOP if step.files and flow.state(step.name) != "current"]
     seconds = sum(expected_seconds(missing, size_of(flow.get("candidates"), flow.get("trials"))).values())
-    words = f"`seatrial run {folder}` samples it and writes the report"
+    words = f"`seatrial run {folder}` samples the whole posterior, compares the models and writes the report"
     if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too
-        words = f"`seatrial estimate {folder}` samples it and `seatrial report {folder}` then writes the report"
-    raise InputError(
-        str(folder),
-        found="the posterior mode alone, of `estimate --by mode`",
-        expected="the whole posterior of every structure, which the report is made of",
-        remedy=f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine",
-    )
+        words = f"`seatrial estimate {folder}` samples the whole posterior and `seatrial report {folder}` then writes the report"
+    return f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine"
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:

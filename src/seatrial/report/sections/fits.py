@@ -78,7 +78,7 @@ def fits_section(outcome: Outcome) -> dict[str, Any]:
         "pooled": [_together(one) for one in outcome.pooled],
         "baselines": _baselines(outcome),
         "slow": _is_slow(outcome),
-        "model": model_said(outcome, outcome.chosen.structure.label),
+        "model": "The model" if len(outcome.estimates) == 1 else model_said(outcome, outcome.chosen.structure.label),
     }
 
 

@@ -40,7 +40,10 @@ _NUMBER = re.compile(r"(?<![-\w])\d+(\.\d+)?")
 
 def summary_section(outcome: Outcome) -> dict[str, Any]:
     """Return what `summary.html` prints."""
-    proposal, (rows, others) = propose(outcome).beside(outcome.summary.cautions), _rows(outcome)
+    (rows, others), advice = _rows(outcome), (outcome.first_answer,)
+    if not outcome.first_answer:
+        proposal = propose(outcome).beside(outcome.summary.cautions)
+        advice = (*proposal.first, *proposal.advice)
     return {
         "name": outcome.campaign.name,
         "answer": answer(outcome),
@@ -49,22 +52,25 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "cautions": find(outcome, "caution"),
         "passed": "The computation passed its health checks; the model or its noise did not pass the check of the residuals"
         if outcome.disowned
+        else "No check of the fit failed; the normal approximation was not checked"
+        if outcome.first_answer
         else "No health check failed",
         "verdicts": find(outcome, "finding"),
         "first": first_figure(outcome),
+        "first_answer": bool(outcome.first_answer),
         "rows": rows,
         "others": others,
         "other_kinds": other_kinds([row["name"] for row in others]),
         "several": len(outcome.estimates) > 1,
-        "other_head": _other_values(outcome)[0] if any(row["other"] != row["value"] for row in rows) else "",
-        "quoted": "" if outcome.own_alarms else QUOTED[outcome.summary.quoted],
+        "other_head": _other_values(outcome)[0] if any(row["other"] not in ("", row["value"]) for row in rows) else "",
+        "quoted": "" if outcome.own_alarms or outcome.first_answer else QUOTED[outcome.summary.quoted],
         "has_truth": bool(truth_of(outcome)),
         "taken_as_exact": sentence_of(outcome, text) if (text := taken_as_exact(outcome.campaign)) else "",
         "unit_mass": outcome.campaign.hull.mass is None,
         "contains": sentence_of(outcome, outcome.chosen.contains),
         "cause_findings": [sentence_of(outcome, sentence(one)) for one in outcome.cause_findings],
         "models": _models(outcome),
-        "advice": [sentence_of(outcome, line) for line in (*proposal.first, *proposal.advice)],
+        "advice": [sentence_of(outcome, line) for line in advice],
         "unless": "" if outcome.selection.is_settled else condition_of(outcome.selection),
         "disowned": bool(outcome.disowned),
     }
@@ -141,6 +147,12 @@ def _unbeaten(outcome: Outcome) -> str:
 
 def _found(outcome: Outcome) -> Markup:
     count, verb = len(outcome.selection.structures), "" if len(outcome.trials.fit) > 1 else "s"
+    if outcome.first_answer:
+        text = (
+            "give{} a first answer: the posterior mode of the most probable model, with ± of a normal approximation. "
+            "No chain was sampled, and the need for the terms was not tested."
+        )
+        return Markup(text).format(verb)
     if count == 1:
         return Markup(
             "give{} the coefficients below; only one model was fitted, so the need for its terms was not tested."
