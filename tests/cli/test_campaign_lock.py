@@ -143,7 +143,7 @@ def test_jobs_refuse_what_is_no_command_and_what_would_be_second(tmp_path, other
         jobs.start(tmp_path, "rm")
     with pytest.raises(InputError, match="another command at work"):
         jobs.start(tmp_path, "run")
-    assert not log_of(tmp_path, "run").exists()
+    assert not log_of(tmp_path).exists()
 
 
 def test_stopping_interrupts_whoever_is_at_work(tmp_path, other):

@@ -76,7 +76,7 @@ def start(word):
         jobs = Jobs()
         jobs.sessions[folder] = Silent()
         jobs.start(folder, word)
-        assert log_of(folder, word).read_text().endswith("printed\n")
+        assert log_of(folder).read_text().endswith("printed\n")
 
     return work
 
@@ -91,7 +91,6 @@ def show(folder):
 WRITES = {
     FILE_NAME: hold,
     "results/last_command.txt": start("design"),
-    "results/last_check.txt": start("check"),
     str(LAST_LOOK): show,
     "report.html": lambda folder: write_text(folder / "report.html", "page"),
     "results/design_schedule.json": lambda folder: write_json(folder / "results/design_schedule.json", {}),
@@ -115,7 +114,6 @@ def test_what_is_written_takes_the_place_of_a_link_or_a_pipe(tmp_path, name, put
 READS = {
     FILE_NAME: lambda folder: occupant_of(folder),
     "results/last_command.txt": lambda folder: Jobs().look(folder).command or None,
-    "results/last_check.txt": lambda folder: Jobs().last_check(folder).output or None,
     str(LAST_LOOK): last_look,
     "results/summary.json": lambda folder: None if Store(folder).summary.is_file() else refused(folder),
     "results/checkpoints/a.npz": lambda folder: load_checkpoint(Store(folder).checkpoint("a"), "k"),

@@ -171,13 +171,13 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         assert "# [truth]" in (folder / "campaign.toml").read_text()
         page.reload()
         page.get_by_role("button", name="Check the records").click()
-        verdict = page.get_by_text(re.compile("record dive_1: (pass|caution|fail)")).first
+        verdict = page.get_by_text(re.compile("Record dive_1: (pass|caution|alarm)")).first
         verdict.wait_for()
         page.goto(page.url.replace("/import", "/design"))
         page.get_by_role("button", name="What the priors mean").click()
         page.get_by_text("steady speed at").wait_for()
         page.goto(page.url.replace("/design", "/import"))
-        verdict.wait_for()  # of the check, although another command was started since
+        verdict.wait_for()  # although another command was started since
         assert page.get_by_text("steady speed at").count() == 0
         chart = page.locator(".chart")
         chart.locator("svg").wait_for()

@@ -1,7 +1,6 @@
 """What pages say of results: where to go on, what colours mean, what a column is."""
 
 import asyncio
-import os
 import re
 from contextlib import nullcontext
 from html import unescape
@@ -11,14 +10,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from seatrial.campaign.store.answer_cache import keep
 from seatrial.campaign.store.estimates import StoredMode
-from seatrial.campaign.store.stored_result import Store
+from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.campaign.store.summary import NextTrial
 from seatrial.core.display_units import shown_as_written
 from seatrial.core.errors import InputError
+from seatrial.core.files import depend_on, watching_files
 from seatrial.dashboard.app_context import fill
 from seatrial.dashboard.channel_map import files_of
-from seatrial.dashboard.jobs import Jobs, log_of
 from seatrial.dashboard.logs import Column, Looked
 from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import VIEWS
@@ -33,8 +33,9 @@ from seatrial.dashboard.pages.one_axis import (
     span_words,
 )
 from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
+from seatrial.dashboard.pages.records import checks_html
 from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
-from seatrial.dashboard.result_plots import report_sections
+from seatrial.dashboard.result_plots import checked, report_sections
 from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, beside
 from seatrial.design.results import BestDesign, SweptDesigns
 from seatrial.logs.clock_shift import ClockShift
@@ -121,15 +122,52 @@ def test_a_control_of_a_log_is_not_called_commanded(tmp_path, imported, label):
     assert chart._panel("u", "m/s", "measurement").curves[0].label == "measured"
 
 
-def test_the_last_check_is_seen_whatever_was_started_since(tmp_path):
-    jobs = Jobs()
-    for age, (command, output) in enumerate([("check", "record 1: pass"), ("prior", "steady speed")]):
-        log = log_of(tmp_path, command)
-        log.parent.mkdir(exist_ok=True)
-        log.write_text(f"$ seatrial {command} boat\n{output}\n")
-        os.utime(log, (age, age))
-    assert (jobs.look(tmp_path).word, jobs.look(tmp_path).output) == ("prior", "steady speed\n")
-    assert (jobs.last_check(tmp_path).word, jobs.last_check(tmp_path).output) == ("check", "record 1: pass\n")
+def test_checks_are_a_table_with_remedies_that_lead_to_their_form(tmp_path):
+    def row(level, **more):
+        return {
+            "code": "direction-reversed",
+            "level": level,
+            "values": {"correlation": -0.9},
+            "message": "u moves <b>",
+        } | more
+
+    assert checked(tmp_path) is None
+    findings = [
+        row("pass", subject=["u"], remedies=[]),
+        row("alarm", subject=["v"], remedies=["reverse-sign"], values={"correlation": -0.9, "commanded": [["n"]]}),
+        row("pass", subject=["r"], remedies=[]),
+    ]
+    records = [{"label": "dive 1", "level": "alarm", "findings": findings, "cautions": ["run dive 1, a hole"]}]
+    told = {
+        "result": {"records": records},
+        "files": {"raw plot of dive 1": "/elsewhere/check-dive 1.svg"},
+        "cautions": ["c"],
+    }
+    log = tmp_path / "log.csv"
+    log.write_text("t")
+    with watching_files() as seen:
+        depend_on(log)
+    keep(Store(tmp_path).answer("check"), "k", {"told": told}, seen)
+    found = checked(tmp_path)
+    assert found is not None
+    assert found.is_current
+    assert found.has_alarms
+    assert [one.level for one in found.records[0].rows] == ["alarm", "caution", "pass"]
+    assert found.records[0].rows[2].words == "direction of u, r"
+    html = checks_html(found, "boat")
+    assert '<span class="verdict fail">alarm</span>' in html
+    assert 'Set the scale of the channel to -1 in the import form. <a href="#new-log">' in html
+    assert "u moves &lt;b&gt;" in html
+    assert html.count("check-dive+1.svg") == 1
+    log.write_text("another")
+    again = checked(tmp_path)
+    assert again is not None
+    assert not again.is_current
+    assert "check the records again" in checks_html(again, "boat")
+    write_stamped_json(Store(tmp_path).answer("check"), {"rests_on": {}, "answer": {"told": {"result": {}}}}, "k")
+    with pytest.raises(InputError, match="a result with other fields"):
+        checked(tmp_path)
+    assert "not been checked" in checks_html(None, "boat")
 
 
 def test_an_error_beside_its_field_names_no_line_of_the_file():

@@ -243,11 +243,12 @@ class Records(TypedDict):
 
 
 class Checked(TypedDict):
-    """One record and what was found about it."""
+    """One record, what was found about it, and the holes in it and its controls that never move."""
 
     label: str
     level: str
     findings: list[FindingRow]
+    cautions: list[str]
 
 
 class Check(TypedDict):

@@ -17,8 +17,8 @@ from seatrial.cli.campaign_text import CAMPAIGN
 from seatrial.core.errors import SeatrialError
 from seatrial.core.visible import visible
 from seatrial.dashboard.campaign_paths import CampaignPaths
-from seatrial.dashboard.jobs import LOGS, Job, Jobs
-from seatrial.dashboard.view_models import FormData, words_of
+from seatrial.dashboard.jobs import LOG, Job, Jobs
+from seatrial.dashboard.view_models import Checked, FormData, words_of
 from seatrial.dashboard.worker_pool import WorkerPool, stamp
 from seatrial.report.numbers import with_percent_signs_kept
 
@@ -61,6 +61,11 @@ class AppContext:
         """Which steps of a campaign are current."""
         files = await asyncio.to_thread(evidence_of, folder)
         return await self.worker_pool.think("steps", str(folder), files=files)
+
+    async def checked(self, folder: Path) -> Checked | None:
+        """What the last check of the records said; None where there was none."""
+        files = await asyncio.to_thread(evidence_of, folder)
+        return await self.worker_pool.draw("checked", folder, files=files)
 
     async def read_ahead(self, folder: Path) -> None:
         """Have the long records of a campaign checked and indexed before anybody waits for them."""
@@ -196,7 +201,7 @@ def evidence_of(folder: Path) -> list[Path]:
     """Files whose change may change what is current: the campaign file, its results, the logs beside it."""
     results = Store(folder).results
     files = [*_files(results), *(path for path in _files(folder, deep=False) if not path.name.startswith("."))]
-    return [path for path in files if path.name not in LOGS and path.suffix not in (".npz", ".part")]
+    return [path for path in files if path.name != LOG and path.suffix not in (".npz", ".part")]
 
 
 def _files(folder: Path, deep: bool = True) -> list[Path]:

@@ -2,7 +2,7 @@
 
 The process of a campaign stays after its command, so that the next one finds everything imported and compiled. What is running
 is read from the campaign's folder and remembered nowhere else: `.running.json` while it runs, and what it printed in
-`results/last_command.txt`, of a check in `results/last_check.txt`.
+`results/last_command.txt`.
 """
 
 import os
@@ -25,9 +25,8 @@ from seatrial.dashboard.session import Session, how_it_ended
 
 TAIL = 16_000
 """Bytes of output that are shown."""
-CHECK = "check"
-LOGS = ("last_command.txt", "last_check.txt")
-"""What was printed by the last command, and by the last check."""
+LOG = "last_command.txt"
+"""What was printed by the last command."""
 KEPT = 2
 """Processes that stay without work: a few hundred megabytes each."""
 _OPTION = re.compile(r"--[a-z][a-z-]*(=[\w][\w ,.%\[\]+-]{0,80})?|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", re.ASCII)
@@ -103,7 +102,7 @@ class Jobs:
                 expected="one at a time",
                 remedy="wait until it ends, or stop it; what it has finished is kept",
             )
-        log = log_of(folder, command)
+        log = log_of(folder)
         log.parent.mkdir(exist_ok=True)
         line = [command, str(folder), *options]
         with begin_file(log) as stream:
@@ -135,11 +134,7 @@ class Jobs:
         fresh = ours is not None and ours.is_busy and not self._has_ended(folder, ours)
         occupant = occupant_of(folder)
         starting = fresh and (occupant is None or not occupant.alive)
-        return Job(occupant, *_said_in(_latest_log(folder)), starting=starting)
-
-    def last_check(self, folder: Path) -> Job:
-        """See what the last check printed that a dashboard started, whatever was started since."""
-        return Job(None, *_said_in(log_of(folder, CHECK)))
+        return Job(occupant, *_said_in(log_of(folder)), starting=starting)
 
     def close(self) -> None:
         """End the processes that have no work."""
@@ -166,19 +161,14 @@ class Jobs:
         if code is None:
             return False
         if words := how_it_ended(code):
-            with open_regular(_latest_log(folder), "ab") as stream:
+            with open_regular(log_of(folder), "ab") as stream:
                 stream.write(f"{words}\n".encode())
         return True
 
 
-def log_of(folder: Path, command: str) -> Path:
-    """What the last check that a dashboard started printed, or the last other command."""
-    return Store(folder).results / LOGS[command == CHECK]
-
-
-def _latest_log(folder: Path) -> Path:
-    logs = [Store(folder).results / name for name in LOGS]
-    return max(logs, key=lambda log: log.stat().st_mtime_ns if log.exists() else 0)
+def log_of(folder: Path) -> Path:
+    """What the last command printed that a dashboard started."""
+    return Store(folder).results / LOG
 
 
 def _said_in(log: Path) -> tuple[str, str]:

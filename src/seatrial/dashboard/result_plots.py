@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 from markupsafe import escape
 
+from seatrial.campaign.store.answer_cache import latest
 from seatrial.campaign.store.estimates import Estimate
-from seatrial.campaign.store.stored_result import decoding, read_result
+from seatrial.campaign.store.stored_result import Store, decoding, read_result
 from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset, write_dataset
 from seatrial.core.errors import InputError
-from seatrial.dashboard.view_models import EstimatedStructure
+from seatrial.core.findings import LEVELS, Finding
+from seatrial.dashboard.view_models import Checked, CheckedRecord, CheckRow, EstimatedStructure
 from seatrial.design.results import SweptDesigns
-from seatrial.messages.render import sentences
+from seatrial.messages.catalogue import ENTRIES, REMEDIES
+from seatrial.messages.entry import filled_in
+from seatrial.messages.render import remedy, sentences
 
 # All that a report is made of: nothing of this runs, loads or sends anything.
 _TAG = re.compile(
@@ -66,6 +70,54 @@ def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:
         structure, remarks = estimate.structure, sentences(estimate.cause_findings)
         structures.append(EstimatedStructure(structure.label, structure.terms, rows, estimate.alarms, tuple(remarks)))
     return tuple(structures)
+
+
+def checked(folder: Path) -> Checked | None:
+    """Return what the last check said, each finding as a row, the gravest first; None where the records were never checked.
+
+    Raises:
+        InputError: an answer of another version.
+    """
+    path = Store(folder).answer("check")
+    if (kept := latest(path)) is None:
+        return None
+    answer, is_current = kept
+    with decoding(path, "seatrial check"):
+        told = answer["told"]
+        records = []
+        for one in told["result"]["records"]:
+            rows = [*map(_check_row, one["findings"]), *(CheckRow("caution", "", text) for text in one["cautions"])]
+            rows.sort(key=lambda row: LEVELS.index(row.level))  # pyright: ignore[reportArgumentType]
+            rows = [row for row in rows if row.level != "pass"]
+            picture = Path(told["files"][f"raw plot of {one['label']}"]).name
+            records.append(CheckedRecord(one["label"], one["level"], (*rows, *_passed(one["findings"])), picture))
+        return Checked(tuple(records), tuple(told["cautions"]), is_current)
+
+
+def _check_row(row: dict) -> CheckRow:
+    """Return a finding as the page shows it: its remedy names fields of the dashboard."""
+    finding = _finding(row)
+    views = [view for name in finding.remedies if (view := REMEDIES[name].view)]
+    return CheckRow(finding.level, finding.code, row["message"], remedy(finding, "page"), views[0] if views else "")
+
+
+def _passed(rows: list[dict]) -> list[CheckRow]:
+    """Return what passes, one row for each check, with all signals of which it does."""
+    passed: dict[tuple[str, str], list[str]] = {}
+    for finding in (_finding(row) for row in rows if row["level"] == "pass"):
+        name = filled_in(ENTRIES[finding.code].template("pass"), finding.subject, finding.values)
+        passed.setdefault((finding.code, name), []).extend(finding.subject)
+    return [CheckRow("pass", code, f"{name} of {', '.join(of)}") for (code, name), of in passed.items()]
+
+
+def _finding(row: dict) -> Finding:
+    """Return a finding as it was before JSON made lists of its tuples."""
+
+    def tuples(value):
+        return tuple(map(tuples, value)) if isinstance(value, list) else value
+
+    values = {name: tuples(value) for name, value in row["values"].items()}
+    return Finding(row["code"], row["level"], tuple(row["subject"]), values, tuple(row["remedies"]))
 
 
 def report_sections(path: Path) -> dict[str, str]:

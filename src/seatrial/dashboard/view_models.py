@@ -88,6 +88,46 @@ class EstimatedStructure(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
+class CheckRow(NamedTuple):
+    """One row of the checks of a record.
+
+    Attributes:
+        level: pass, note, caution or alarm.
+        code: of the catalogue of messages; empty of a sentence without one.
+        words: what was found.
+        remedy: what to do; empty where there is nothing to do.
+        view: of the dashboard where that is done; empty where the words name none.
+    """
+
+    level: str
+    code: str
+    words: str
+    remedy: str = ""
+    view: str = ""
+
+
+class CheckedRecord(NamedTuple):
+    """One record: its label, the gravest level, a row for each finding, and the file of its raw plot."""
+
+    label: str
+    level: str
+    rows: tuple[CheckRow, ...]
+    picture: str
+
+
+class Checked(NamedTuple):
+    """What the last check says of the records and of the vehicle, and whether all that it rests on is as it was then."""
+
+    records: tuple[CheckedRecord, ...]
+    cautions: tuple[str, ...]
+    is_current: bool
+
+    @property
+    def has_alarms(self) -> bool:
+        """Whether a record is not to be used as it is."""
+        return any(one.level == "alarm" for one in self.records)
+
+
 class FormData(NamedTuple):
     """What the forms need to know of a campaign."""
 

@@ -31,11 +31,13 @@ class Remedy:
         command: with keys of the campaign file or commands.
         python: with arguments of the library; the same as `command` if empty.
         page: with fields of the dashboard; the same as `command` if empty.
+        view: key of the view of the dashboard where it is done; empty where it is done elsewhere.
     """
 
     command: Template
     python: Template = ""
     page: Template = ""
+    view: str = ""
 
     def of(self, form: Form) -> Template:
         """Return the template for one place."""

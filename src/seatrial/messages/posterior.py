@@ -181,5 +181,6 @@ REMEDIES = {
         command='set step = "{shorter:.2g} s" under [import]',
         python="read the log again with step={shorter:.2g}",
         page="set the step to {shorter:.2g} s under Import",
+        view="import",
     ),
 }

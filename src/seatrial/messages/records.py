@@ -465,21 +465,28 @@ REMEDIES = {
             .replace("in the channel map", "in read_log")
         ),
         page="set the scale of the channel to -1 in the import form",
+        view="import",
     ),
-    "shift-clock": Remedy(command="compare the clocks of the files: {late:late} would explain it as well"),
-    "check-map-and-clocks": Remedy(command="check the channel map, the clocks and the priors"),
-    "tame-priors": Remedy(command="check units and signs, or narrow the priors to damping that dissipates"),
-    "signed-priors": Remedy(command="use priors of known sign, such as half-normal"),
-    "check-unit": Remedy(command=_unit, page="check the unit of {signals:and} in the import form"),
-    "see-trim": Remedy(command="see its trim, which shows the unit better"),
+    "shift-clock": Remedy(
+        command="compare the clocks of the files: {late:late} would explain it as well", view="import"
+    ),
+    "check-map-and-clocks": Remedy(command="check the channel map, the clocks and the priors", view="import"),
+    "tame-priors": Remedy(
+        command="check units and signs, or narrow the priors to damping that dissipates", view="model"
+    ),
+    "signed-priors": Remedy(command="use priors of known sign, such as half-normal", view="model"),
+    "check-unit": Remedy(command=_unit, page="check the unit of {signals:and} in the import form", view="import"),
+    "see-trim": Remedy(command="see its trim, which shows the unit better", view="file"),
     "check-unit-or-trim": Remedy(
         command=lambda values: _unit(values) + ", its column and its sign, or correct vehicle.trim",
         python=lambda values: _unit(values) + ", its column and its sign, or correct the trim of the vehicle",
+        view="import",
     ),
     "reverse-or-trim": Remedy(
         command="set scale = -1 for {subject:and} in the channel map, or correct vehicle.trim",
         python="give scale=-1.0 for {subject:and} in read_log, or correct the trim of the vehicle",
         page="set the scale of {subject:and} to -1 in the import form, or correct the trim",
+        view="import",
     ),
     "correct-shift": Remedy(
         command=lambda values: (
@@ -489,36 +496,43 @@ REMEDIES = {
         ),
         python="correct the shift of {file} in read_log by about {late:.2g} s",
         page="correct the shift of {file} in the import form",
+        view="import",
     ),
     "delay-prior": Remedy(
         command='give the delay a prior, [prior.delay] with distribution = "uniform", lower = 0.0 and upper = {upper:.2g}, unless the '
         "vehicle is slower than the priors assume",
         python="give `delay` a prior that includes {late:.2g} s",
         page="add the prior of the delay on the model page",
+        view="model",
     ),
-    "check-delay-prior": Remedy(command="check that the prior of the delay includes {late:.2g} s"),
+    "check-delay-prior": Remedy(command="check that the prior of the delay includes {late:.2g} s", view="model"),
     "one-clock": Remedy(
-        command="put command and response on one clock, unless the vehicle is quicker than the priors assume"
+        command="put command and response on one clock, unless the vehicle is quicker than the priors assume",
+        view="import",
     ),
     "check-shift": Remedy(
-        command="check `shift` of {file}, which may be too large", page="check the shift of {file} in the import form"
+        command="check `shift` of {file}, which may be too large",
+        page="check the shift of {file} in the import form",
+        view="import",
     ),
     "compare-clocks": Remedy(
-        command="compare the clock of {file} with that of the commands before you rely on a result"
+        command="compare the clock of {file} with that of the commands before you rely on a result", view="import"
     ),
     "enu-axes": Remedy(
         command='set axes = "ENU" under [[import.files]] if the log has body axes forward, left, up',
         python='give axes="ENU" to read_log if the log has body axes forward, left, up',
         page="choose the axes ENU in the import form",
+        view="import",
     ),
     "mount-or-columns": Remedy(
         command=lambda values: (
             f"swap columns in the channel map, or state the mount: {_mounted(values)} under [mounts.NAME]"
         ),
         python=lambda values: f"swap columns in read_log, or state a mount with {_mounted(values)}",
+        view="import",
     ),
     "left-handed": Remedy(
-        command="correct columns and signs (scale = -1) in the channel map: the axes are left-handed"
+        command="correct columns and signs (scale = -1) in the channel map: the axes are left-handed", view="import"
     ),
     "state-mount": Remedy(
         command=lambda values: (
@@ -527,50 +541,61 @@ REMEDIES = {
             'mean = {degrees:.1f}, sd = {prior_sd:.1f} and unit = "deg"'
         ),
         python="give the sensor a mount with {part} = {degrees:.0f} deg, or a prior of {part}_{mount}",
+        view="file",
     ),
     "correct-mount": Remedy(
         command='correct {part} under [mounts.{mount}], or estimate it, [prior.{part}_{mount}] with distribution = "normal", '
         'mean = {degrees:.1f}, sd = {prior_sd:.1f} and unit = "deg"',
         python="correct {part} of the mount, or give {part}_{mount} a prior",
+        view="file",
     ),
-    "leave-out": Remedy(command="leave these samples out, or measure them again"),
+    "leave-out": Remedy(command="leave these samples out, or measure them again", view="import"),
     "correct-limits": Remedy(
-        command="correct the limit if the vehicle may go so far, else check the unit in the channel map"
+        command="correct the limit if the vehicle may go so far, else check the unit in the channel map", view="design"
     ),
     "heavy-residuals": Remedy(
         command='look at the raw plot; residuals = "heavy" under [sensors.{sensor}] tolerates outliers',
         python='look at the raw signal; noise "heavy" of the sensor {sensor} tolerates outliers',
         page="look at the raw plot; heavy residuals of the sensor {sensor} tolerate outliers",
+        view="model",
     ),
     "add-sensor": Remedy(
         command="add [sensors.{subject[0]}] with its noise, or take {subject:and} out of the channel map",
         python="give {subject:and} a sensor with its noise, or leave its column out",
+        view="file",
     ),
-    "check-column": Remedy(command="check its column in the channel map"),
+    "check-column": Remedy(command="check its column in the channel map", view="import"),
     "excite-or-fix": Remedy(
         command="excite it more, fix it, or design a trial (`seatrial design`)",
         python="excite it more, fix it, or design a trial (design_trial)",
         page="excite it more, fix it, or design a trial on the design page",
+        view="design",
     ),
     "measure-rate": Remedy(
         command="add [sensors.{rate}] with its noise and map its column, or take these terms out of the model",
         python="give {rate} a sensor with its noise, or take these terms out of the model",
+        view="file",
     ),
-    "drop-or-change-sign": Remedy(command="leave one of them out, or run a trial in which the sign changes"),
+    "drop-or-change-sign": Remedy(
+        command="leave one of them out, or run a trial in which the sign changes", view="model"
+    ),
     "held-command": Remedy(
         command='write between = "held", not "line", for this command; prefer runs whose commands are set beforehand',
         python='give between="held" for this command; prefer runs whose commands are set beforehand',
+        view="file",
     ),
     "open-loop-run": Remedy(command="judge it by a run whose commands are set beforehand"),
     "check-again": Remedy(command="correct that first, then check again"),
-    "drop-axis": Remedy(command="take the axis from `moves`, or correct the thrusters"),
+    "drop-axis": Remedy(command="take the axis from `moves`, or correct the thrusters", view="file"),
     "turn-thruster": Remedy(
         command="reverse its direction or set scale = -1 in its channel, and check that commands are in the order of the thrusters",
         python="reverse its direction or give scale=-1.0, and check that commands are in the order of the thrusters",
+        view="file",
     ),
     "check-thrust-law": Remedy(
         command="check its law of thrust, its place and the order of the commands; [prior.gain_{subject[0]}] estimates the gain",
         python="check its law of thrust, its place and the order of the commands; a prior of gain_{subject[0]} estimates the gain",
+        view="file",
     ),
     "move-apart": Remedy(command="move it apart from the others for some seconds"),
 }

@@ -41,6 +41,15 @@ def recall(path: Path, key: str) -> Any | None:
         return None
 
 
+def latest(path: Path) -> tuple[Any, bool] | None:
+    """Return the answer kept last, however it was asked for, and whether its files are what they were; None where there is none."""
+    try:
+        kept = read_json(path, "seatrial run")
+        return kept["answer"], all(_is_as_then(Path(file), then) for file, then in kept["rests_on"].items())
+    except (InputError, OSError, KeyError, AttributeError):
+        return None
+
+
 def keep(path: Path, key: str, answer: Any, seen: Mapping[Path, Look]) -> None:
     """Keep an answer, unless a file was changed by others while it was made, or the folder cannot be written to.
 

@@ -21,7 +21,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         from seatrial.campaign.data.thruster_check import thruster_lines
         from seatrial.campaign.prior.cautions import vehicle_cautions
         from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.messages.render import row_of
+        from seatrial.messages.render import row_of, sentences
         from seatrial.report.figure_files import write_check_picture
 
         trials = Workflow(campaign, reporter).get("trials")
@@ -36,7 +36,12 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
         answer.say(summary_line(judged))
         answer.give(
             records=[
-                {"label": one.record.label, "level": one.level, "findings": list(map(row_of, one.findings))}
+                {
+                    "label": one.record.label,
+                    "level": one.level,
+                    "findings": list(map(row_of, one.findings)),
+                    "cautions": sentences(one.cautions),
+                }
                 for one in judged
             ]
         )

@@ -1,27 +1,34 @@
 """Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.campaign.config.templates import has_placeholders
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, fill, keep_current, markup, say
-from seatrial.dashboard.jobs import CHECK
-from seatrial.dashboard.page_layout import button, link, section
+from seatrial.dashboard.app_context import AppContext, cautions_html, change_of, fill, keep_current, markup, say
+from seatrial.dashboard.page_layout import button, link, links_html, section, table
 from seatrial.dashboard.pages.import_form import ImportForm
 from seatrial.dashboard.pages.new_campaign import EXAMPLES
 from seatrial.dashboard.pages.record_chart import RecordChart
-from seatrial.dashboard.pages.work import Live, begin, made_part
+from seatrial.dashboard.pages.work import Live, begin
+from seatrial.dashboard.view_models import Checked, CheckRow
 from seatrial.dashboard.worker_pool import stamp
 
-OF_RECORDS = (CHECK, "import", "simulate")
+OF_RECORDS = ("check", "import", "simulate")
 """Commands that this page starts."""
+SIGNS = {"pass": "pass", "note": "unjudged", "caution": "caution", "alarm": "fail"}
+"""Class of the sign of each level of a finding."""
+NEW_LOG = "new-log"
+"""Identifier of the part of the page with the import form."""
+FORMS = {"import": "the import form", "model": "the model page", "design": "the design page", "file": "campaign.toml"}
+"""Where a remedy is done, by the view."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -53,6 +60,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Checks",
         "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
     ):
+        await checks_part(context, campaign, folder)
         live, messages = Live(context, folder, OF_RECORDS), ui.element("div")
 
         async def offer() -> None:
@@ -69,11 +77,11 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 main=bool(records()),
             )
             await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
-        await made_part(context, campaign, folder, OF_RECORDS)
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
-    ):
+    ) as part:
+        part.props(f"id={NEW_LOG}")
         ImportForm(context, campaign, folder, start).build()
 
 
@@ -83,6 +91,48 @@ def is_of_template(folder: Path) -> bool:
         return has_placeholders(read_file(folder))
     except SeatrialError:  # said by the forms
         return False
+
+
+async def checks_part(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show what the last check found, and keep that up to date."""
+
+    async def show() -> None:
+        await fill(
+            ui.element("div"), context.checked(folder), lambda found: markup(checks_html(found, campaign)), "reading …"
+        )
+
+    await keep_current(ui.element("div"), lambda: change_of(folder), show)
+
+
+def checks_html(checked: Checked | None, campaign: str) -> Markup:
+    """Return the checks of each record as a table, the gravest finding first, each remedy with a link to where it is done."""
+    if checked is None:
+        return Markup("<p>The records have not been checked yet.</p>")
+    stale = "Something has changed since this check: check the records again"
+    html = Markup("") if checked.is_current else cautions_html([stale])
+    for one in checked.records:
+        rows = [
+            [_sign(row), Markup("<code>{}</code>").format(row.code), row.words, _remedy(row, campaign)]
+            for row in one.rows
+        ]
+        title = f"Record {one.label}: {one.level}"
+        html += table(["verdict", "check", "what was found", "what to do"], rows, title, 4, stacks=True)
+        html += links_html(
+            [(link("download", campaign, file=one.picture, shown="1"), f"Raw plot of {one.label} (SVG)")]
+        )
+    return html + cautions_html(checked.cautions)
+
+
+def _sign(row: CheckRow) -> Markup:
+    return Markup('<span class="verdict {}">{}</span>').format(SIGNS[row.level], row.level)
+
+
+def _remedy(row: CheckRow, campaign: str) -> Markup:
+    words = Markup(re.sub("`(.*?)`", r"<code>\1</code>", str(escape(row.remedy[:1].upper() + row.remedy[1:]))))
+    if not row.view:
+        return words
+    address = f"#{NEW_LOG}" if row.view == "import" else link(row.view, campaign)
+    return Markup('{}. <a href="{}">Open {}</a>').format(words, address, FORMS[row.view])
 
 
 async def _anew(context: AppContext, folder: Path) -> str:

@@ -45,12 +45,11 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await made_part(context, campaign, folder)
 
 
-async def made_part(context: AppContext, campaign: str, folder: Path, words: Sequence[str] = ()) -> None:
-    """Show what the last command wrote, or the last check where it is none of some, and keep that up to date."""
+async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show what the last command wrote, and keep that up to date."""
 
     async def show() -> None:
-        job = context.jobs.look(folder)
-        _made(folder, campaign, context.jobs.last_check(folder) if words and job.word not in words else job)
+        _made(folder, campaign, context.jobs.look(folder))
 
     await keep_current(ui.element("div"), lambda: change_of(folder), show)
 
@@ -161,7 +160,7 @@ class Live:
     Args:
         context: what is served.
         folder: of the campaign.
-        words: commands whose output is shown, and else that of the last check; none for whatever was started last.
+        words: commands whose output is shown, and of others only that they run; none for whatever was started last.
     """
 
     def __init__(self, context: AppContext, folder: Path, words: Sequence[str] = ()):
@@ -175,15 +174,15 @@ class Live:
         """Show what is at work."""
         job = self.context.look(self.folder)
         if self.words and job.word not in self.words:
-            job = replace(job, command="", output="") if job.running else self.context.jobs.last_check(self.folder)
-        html = str(live_html(job))
+            job = replace(job, command="", output="")
+        html = str(live_html(job, folded=job.word == "check"))
         if html != self.shown:
             self.shown = html
             self.part.set_content(html)
 
 
-def live_html(job: Job) -> Markup:
-    """What a campaign's command does, or how the last one ended."""
+def live_html(job: Job, folded: bool = False) -> Markup:
+    """What a campaign's command does, or how the last one ended; what it printed is `folded` unless it ended with an error."""
     parts = [_state(job)]
     if job.occupant is not None and job.occupant.alive:
         parts.append(
@@ -194,7 +193,9 @@ def live_html(job: Job) -> Markup:
     if job.command or job.output:
         shown = Markup("<pre class='output' tabindex='0'>$ {}\n{}</pre>").format(job.command, job.output)
         parts.append(
-            shown if not job.running else Markup("<details><summary>What it prints</summary>{}</details>").format(shown)
+            Markup("<details><summary>What it prints</summary>{}</details>").format(shown)
+            if job.running or (folded and not _failed(job))
+            else shown
         )
     return Markup("").join(parts)
 
@@ -208,11 +209,15 @@ def _state(job: Job) -> Markup:
     if job.killed:
         words = "was killed. What it had finished is kept: start it again to resume."
         return Markup('<p class="alarm">▲ {} {}</p>').format(job.occupant.words if job.occupant else "", words)
-    if any(line.startswith("error: ") for line in job.output.splitlines()):
+    if _failed(job):
         return Markup('<p class="alarm">▲ The last command ended with an error, and says what to do about it.</p>')
     return Markup("<p>Nothing is running.{}</p>").format(
         " The last command that was started here:" if job.command else ""
     )
+
+
+def _failed(job: Job) -> bool:
+    return any(line.startswith("error: ") for line in job.output.splitlines())
 
 
 def _bar(piece: dict) -> Markup:
