@@ -165,8 +165,7 @@ def test_checks_are_a_table_with_remedies_that_lead_to_their_form(tmp_path):
     assert not again.is_current
     assert "check the records again" in checks_html(again, "boat")
     write_stamped_json(Store(tmp_path).answer("check"), {"rests_on": {}, "answer": {"told": {"result": {}}}}, "k")
-    with pytest.raises(InputError, match="a result with other fields"):
-        checked(tmp_path)
+    assert checked(tmp_path) is None  # of another version
     assert "not been checked" in checks_html(None, "boat")
 
 

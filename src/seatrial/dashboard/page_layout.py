@@ -9,7 +9,8 @@ from markupsafe import Markup, escape
 from nicegui import ui
 
 from seatrial.core.visible import visible
-from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
+from seatrial.dashboard.next_step import NextStep, find_next_step
 from seatrial.dashboard.run_bar import RunBar
 
 VIEWS = {
@@ -89,6 +90,29 @@ def frame(
     with ui.element("div").props('id=main tabindex="-1"'):  # NiceGUI lays a <main> around the whole page
         markup(Markup("<h1>{}</h1>").format(title))
         yield
+
+
+async def next_part(context: AppContext, view: str, campaign: str, folder: Path) -> None:
+    """Show the next step of a campaign in one line, with a link to where it is done, and keep that up to date.
+
+    Nothing is shown while a command runs: the bar says that.
+    """
+
+    async def show() -> None:
+        if not context.look(folder).running:
+            asked = find_next_step(context, folder)
+            await fill(ui.element("div"), asked, lambda step: markup(next_html(step, view, campaign)), "next step …")
+
+    await keep_current(ui.element("div"), lambda: (change_of(folder), context.look(folder).running), show)
+
+
+def next_html(step: NextStep, view: str, campaign: str) -> Markup:
+    """Return the next step in one line; without a link on the view where it is done."""
+    words = Markup('<p class="next"><strong>Next step</strong> {}{}</p>')
+    there = f'<a href="{{}}">{VIEWS[step.view]}</a>'
+    return words.format(
+        step.words, Markup(": " + there).format(link(step.view, campaign)) if step.view != view else "."
+    )
 
 
 def missing_page(context: AppContext, error: BaseException | str) -> None:

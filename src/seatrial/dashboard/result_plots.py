@@ -2,6 +2,7 @@
 
 import re
 import tempfile
+from contextlib import suppress
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -73,25 +74,23 @@ def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:
 
 
 def checked(folder: Path) -> Checked | None:
-    """Return what the last check said, each finding as a row, the gravest first; None where the records were never checked.
-
-    Raises:
-        InputError: an answer of another version.
-    """
+    """Return what the last check said, each finding as a row, the gravest first; None where there was none, or one of another version."""
     path = Store(folder).answer("check")
     if (kept := latest(path)) is None:
         return None
-    answer, is_current = kept
-    with decoding(path, "seatrial check"):
-        told = answer["told"]
-        records = []
-        for one in told["result"]["records"]:
-            rows = [*map(_check_row, one["findings"]), *(CheckRow("caution", "", text) for text in one["cautions"])]
-            rows.sort(key=lambda row: LEVELS.index(row.level))  # pyright: ignore[reportArgumentType]
-            rows = [row for row in rows if row.level != "pass"]
-            picture = Path(told["files"][f"raw plot of {one['label']}"]).name
-            records.append(CheckedRecord(one["label"], one["level"], (*rows, *_passed(one["findings"])), picture))
-        return Checked(tuple(records), tuple(told["cautions"]), is_current)
+    with suppress(InputError), decoding(path, "seatrial check"):
+        told = kept[0]["told"]
+        records = tuple(_checked_record(one, told["files"]) for one in told["result"]["records"])
+        return Checked(records, tuple(told["cautions"]), kept[1])
+    return None
+
+
+def _checked_record(one: dict, files: dict) -> CheckedRecord:
+    rows = [_check_row(row) for row in one["findings"] if row["level"] != "pass"]
+    rows += [CheckRow("caution", "", text) for text in one["cautions"]]
+    rows.sort(key=lambda row: LEVELS.index(row.level))  # pyright: ignore[reportArgumentType]
+    picture = Path(files[f"raw plot of {one['label']}"]).name
+    return CheckedRecord(one["label"], one["level"], (*rows, *_passed(one["findings"])), picture)
 
 
 def _check_row(row: dict) -> CheckRow:

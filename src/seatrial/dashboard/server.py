@@ -27,7 +27,7 @@ from seatrial.dashboard.app_context import AppContext, say
 from seatrial.dashboard.campaign_paths import CampaignPaths
 from seatrial.dashboard.jobs import Jobs
 from seatrial.dashboard.logs import receive
-from seatrial.dashboard.page_layout import frame, missing_page
+from seatrial.dashboard.page_layout import frame, missing_page, next_part
 from seatrial.dashboard.pages import (
     campaign_file,
     compare,
@@ -241,6 +241,7 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
         with frame(context, view, campaign, folder):
             ui.timer(SETTLED, lambda: context.read_ahead(folder), once=True)
             try:
+                await next_part(context, view, campaign, folder)
                 await make(context, campaign, folder)
             except Exception as error:
                 logging.getLogger(__name__).exception("the view %s of %s", view, folder)
