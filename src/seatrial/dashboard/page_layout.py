@@ -40,7 +40,10 @@ _THEME = """<script>
     try { localStorage.setItem("seatrial-theme", theme); } catch (e) {}
     show();
   };
-  window.addEventListener("load", () => setTimeout(mark, 0));
+  const showView = () => document.querySelectorAll("nav a[aria-current]").forEach((one) => {
+    one.closest("ul").scrollLeft = one.offsetLeft - one.closest("ul").clientWidth / 2;
+  });
+  window.addEventListener("load", () => setTimeout(() => { mark(); showView(); }, 0));
 })();
 </script>"""
 
