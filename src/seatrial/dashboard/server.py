@@ -232,12 +232,12 @@ def _add_missing(app: FastAPI, context: AppContext) -> None:
 
 def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None]]) -> None:
     @ui.page(f"/{view}", response_timeout=BUILD)
-    async def _view(campaign: str = "") -> None:
+    async def _view(request: Request, campaign: str = "") -> Response | None:
         try:
             folder = await asyncio.to_thread(context.campaign_paths.folder, campaign)
         except SeatrialError as error:
             missing_page(context, error)
-            return
+            return ui.context.client.build_response(request, HTTPStatus.NOT_FOUND)
         with frame(context, view, campaign, folder):
             ui.timer(SETTLED, lambda: context.read_ahead(folder), once=True)
             try:
@@ -246,6 +246,7 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
             except Exception as error:
                 logging.getLogger(__name__).exception("the view %s of %s", view, folder)
                 say(f"{type(error).__name__}: {error}. A result may be of another version: run the campaign again.")
+        return None
 
 
 def _listen(host: str, port: int) -> socket.socket:
