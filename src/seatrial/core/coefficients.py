@@ -33,7 +33,7 @@ AXES: dict[str, tuple[Dimension, str]] = {
 }
 EXAMPLES = "write for example X_u, X_uabsu, T_nabsn or N_delta_r"
 _SIGNAL = "|".join(sorted(map(re.escape, SIGNALS), key=len, reverse=True))
-_MIN_LIKENESS = 0.6  # Likeness to a signal, of 1, from which it may have been meant
+_MIN_LIKENESS = 0.7  # Likeness to a signal, of 1, from which it may have been meant
 _FACTOR = re.compile(rf"(?P<abs>abs)?(?P<change>d)?(?P<signal>{_SIGNAL})(?P<dot>dot)?(?P<power>[2-9])?")
 
 
