@@ -505,3 +505,11 @@ def test_two_logs_are_lined_up_and_drawn_by_a_map_that_is_not_saved(tmp_path):
     bad = with_map(folder, before, "dive", [{**channel_map[0], "shift": "3 kg"}])
     with pytest.raises(InputError, match=r"import\.files\[0\]\.shift"):
         thinking.check(str(folder), bad)
+
+
+def test_the_unit_of_a_text_stamp_is_said_in_words(tmp_path):
+    rows = "\n".join(f"2026-05-04T09:12:{second:02d}Z,{second / 10}" for second in range(20))
+    (tmp_path / "dive.csv").write_text(f"stamp,u\n{rows}\n")
+    found = look_into(str(tmp_path / "dive.csv"), "dive.csv", ("u",))
+    assert {one.name: one.unit for one in found.columns}["stamp"] == "date and time"
+    assert [head["time"] for head in found.heads.values()] == [{"column": "stamp", "unit": "ns"}]

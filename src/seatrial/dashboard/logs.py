@@ -15,7 +15,7 @@ from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
 from seatrial.dashboard.campaign_paths import upload_name
 from seatrial.dashboard.channel_map import is_named, typed_map
-from seatrial.dashboard.view_models import plain_error
+from seatrial.dashboard.view_models import DATE, plain_error
 from seatrial.logs.clock_shift import ClockShift, Samples, shift_between
 from seatrial.logs.formats.registry import FORMATS, stream
 from seatrial.logs.guess import Guess, best
@@ -354,7 +354,7 @@ def _columns(table: TableSummary) -> list[Column]:
         Column(
             table.info.name,
             one.name,
-            one.unit or "",
+            DATE if one.name in table.info.dates else one.unit or "",
             f"{one.least:.6g} to {one.greatest:.6g}" if one.count else "",
             one.trouble or (f"{one.missing:.1%} missing" if one.missing else ""),
         )

@@ -41,6 +41,8 @@ class RecordAbout(NamedTuple):
     notes: tuple[str, ...]
 
 
+DATE = "date and time"
+"""Unit of a column of text stamps, in words."""
 COMPARED = "compared"
 """Role of a column that is drawn over another one, each less its mean and over its standard deviation."""
 

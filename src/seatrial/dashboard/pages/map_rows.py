@@ -14,6 +14,7 @@ from seatrial.dashboard.channel_map import Mapped
 from seatrial.dashboard.map_draft import MapDraft
 from seatrial.dashboard.page_layout import table
 from seatrial.dashboard.table_form import LOOK, field_of
+from seatrial.dashboard.view_models import DATE
 from seatrial.logs.formats.protocol import TIME_UNITS
 from seatrial.logs.guess import unit_by_name
 
@@ -67,10 +68,10 @@ class ClockRow(MapRow):
         change: Callable[[str, str], Awaitable[None]],
     ):
         self.change, time = change, entry.get("time", {})
-        columns = [one.name for one in draft.logs[log].columns if one.table == name]
+        units_of = {one.name: one.unit for one in draft.logs[log].columns if one.table == name}
         column, unit = str(time.get("column", "")), str(time.get("unit", "s"))
-        options = {one: one or "choose" for one in dict.fromkeys(("", *columns, column))}
-        units = list(dict.fromkeys((*TIME_UNITS, unit)))
+        options = {one: one or "choose" for one in dict.fromkeys(("", *units_of, column))}
+        units = {one: one for one in (*TIME_UNITS, unit)} | ({"ns": DATE} if units_of.get(column) == DATE else {})
         place = " · ".join(filter(None, (Path(log).name, entry.get("table"))))
         with ui.element("div").classes("line channel"):
             self.column = ui.select(options, value=column, label=f"time of {place}: column", on_change=self._changed)

@@ -76,6 +76,7 @@ class TableInfo:
         trouble: why its columns cannot be read, if they cannot.
         notes: what was passed over in the log, for the user.
         words: columns that hold words, such as the mode; for conditions, not for channels.
+        dates: columns of dates and times as text, which are read as nanoseconds since 1970.
         has_sequences: whether an array may have more elements in rows that the catalogue did not look at.
     """
 
@@ -87,6 +88,7 @@ class TableInfo:
     trouble: str = ""
     notes: tuple[str, ...] = ()
     words: tuple[str, ...] = ()
+    dates: tuple[str, ...] = ()
     has_sequences: bool = False
 
     def unit(self, column: str) -> str | None:

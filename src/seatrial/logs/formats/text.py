@@ -122,7 +122,7 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
         names[at] for at in single if names[at] not in numeric and names[at] not in dates and _has_words(cells[at])
     )
     kind = message_of_file(log.path.stem)
-    return (TableInfo(TABLE, columns, (*whole, *clocks), kind=kind, notes=notes, words=words),)
+    return (TableInfo(TABLE, columns, (*whole, *clocks), kind=kind, notes=notes, words=words, dates=tuple(dates)),)
 
 
 def _are_dates(cells: np.ndarray) -> bool:
