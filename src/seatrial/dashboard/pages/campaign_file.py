@@ -22,6 +22,8 @@ _MARK = """(() => {{
   area.scrollTop = Math.max(0, at - 3) * area.scrollHeight / lines.length;
 }})()"""
 """Script that selects a line of the text and brings it into sight."""
+_ASK = 'window.onbeforeunload = (e) => { e.preventDefault(); e.returnValue = "unsaved"; }'
+"""Script by which the browser asks before it leaves the page."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -57,11 +59,19 @@ class FileForm:
         with ui.element("div").classes("line"):
             button("Check and save", self._save, main=True)
             button("Undo my changes", self._take_back)
+        self.is_guarded = False
+        self.text.on_value_change(self._guard)
 
     @property
     def is_edited(self) -> bool:
         """Whether something was typed that is not saved."""
         return self.text.value != self.seen
+
+    def _guard(self) -> None:
+        """Have the browser ask before it leaves the page while something is not saved."""
+        if self.is_guarded != self.is_edited:
+            self.is_guarded = self.is_edited
+            ui.run_javascript(_ASK if self.is_guarded else "window.onbeforeunload = null")
 
     def _take_back(self) -> None:
         self.said.clear()
@@ -86,6 +96,7 @@ class FileForm:
             now, typed = there.splitlines(), str(self.text.value).splitlines()
             lines = "\n".join(unified_diff(now, typed, "the file as it is now", "your text", lineterm=""))
             self.seen = there
+            self._guard()
             if not lines:
                 markup('<p class="note" role="status">The file now says the same as your text.</p>')
                 return
@@ -113,6 +124,7 @@ class FileForm:
                 ui.run_javascript(_MARK.format(line=line[1]))
             return
         is_new, self.seen = text != self.seen, text
+        self._guard()
         with self.said:
             if is_new:
                 words = '<p class="done" role="status">Saved. Results made before may be stale now: <a href="{}">run again</a>.</p>'
