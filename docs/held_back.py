@@ -5,8 +5,7 @@ on new runs. Vehicles with a late thruster, a backlash, waves, a drifting curren
 stated, and more, are simulated by a plain loop that shares no code with seatrial. Three runs of each are fitted by a model that lacks the
 effect. For the bands three new ones are predicted, the verdict is read, and what it claims is checked on further runs, which neither the
 fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes tables in
-docs/dev/held_back.md; those of the coefficients, one of effects in the list of those tried and one of the others, are in
-docs/validation.md too.
+docs/dev/held_back.md; of the coefficients one for effects in the list of those tried, and one for the others.
 """
 
 import argparse
@@ -339,16 +338,15 @@ PARTS = "Effects in the list of those tried, and none:", "Effects outside that l
 
 
 def _write(table: str, rows: Sequence[str]) -> None:
-    """Write rows, one for each kind and model of the error, into the pages."""
+    """Write rows, one for each kind and model of the error, into the page."""
     text, start, end = (
         tables(table, rows),
         f"<!-- results: python docs/held_back.py {table} -->\n",
         "<!-- end of results -->",
     )
-    for page in (HERE / "dev" / "held_back.md", HERE / "validation.md"):
-        before, found, after = page.read_text().partition(start)
-        if found:
-            write_text(page, f"{before}{start}\n{text}\n{end}{after.split(end, 1)[1]}")
+    page = HERE / "dev" / "held_back.md"
+    before, _, after = page.read_text().partition(start)
+    write_text(page, f"{before}{start}\n{text}\n{end}{after.split(end, 1)[1]}")
 
 
 def tables(table: str, rows: Sequence[str]) -> str:

@@ -332,7 +332,7 @@ def test_a_lag_is_found_with_its_size_and_what_it_does():
 def test_a_step_to_a_motion_that_no_number_solves_is_halved(monkeypatch):
     """About an unstable vehicle a step may lead to a motion that is finite, but too large for the sets to be solved."""
     posterior = posterior_of(lag=0.8)
-    mode = find_mode(posterior, 0)
+    mode = find_mode(posterior, key=0)
     expected, average, calls = error_budget(posterior, mode, EXACT), LinearModel.average, iter(range(1000))
 
     def failing_once(model, *kinds):
@@ -386,7 +386,7 @@ def test_a_cubic_drag_is_found(noise, cubic, seed):
 def test_on_a_long_record_the_smooth_force_may_wait_for_the_second_round(cubic, monkeypatch):
     """Also where the first round is the last one."""
     posterior = posterior_of(cubic=cubic)
-    mode, budgets = find_mode(posterior, 0), []
+    mode, budgets = find_mode(posterior, key=0), []
     for long in (1, 10**9):
         monkeypatch.setattr("seatrial.estimation.diagnostics.error_budget.MIN_LONG_SAMPLES", long)
         budgets.append(error_budget(posterior, mode))

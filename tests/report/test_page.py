@@ -323,7 +323,7 @@ def test_the_terminal_prints_the_values_to_quote(tmp_path, capsys):
         _tell_and_report(answer, outcome, propose(outcome))
         lines = capsys.readouterr().out.splitlines()
         at = lines.index(f"  These are the values to quote: {QUOTED[quoted]}.")
-        rows = [re.fullmatch(r"  (.*?) +\S+ ± (\S+) .*", line) for line in lines[:at]]
+        rows = [row for line in lines[:at] if (row := re.fullmatch(r"  +(.*?) +\S+ ± (\S+) .*", line))]
         assert [row.groups() for row in rows] == [(row.name, f"{row.sd:.3g}") for row in outcome.summary.quote]
         assert answer.content["result"]["quoted"] == quoted
         assert [row["sd"] for row in answer.content["result"]["quote"]] == [row.sd for row in outcome.summary.quote]
