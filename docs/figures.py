@@ -1,21 +1,48 @@
-"""Draw loop.svg and report.png: run the REMUS 100 demonstration (or read its results) and photograph its report with Chromium."""
+"""Draw loop.svg, report.png and zigzag.png.
 
+The first two are of the REMUS 100 demonstration, whose report Chromium photographs; the last is of measured zigzags of a ship model, and
+needs SEATRIAL_DATA. Results that are there are read.
+"""
+
+import os
 import re
+import shutil
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 import seatrial as st
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.report.drawing import Drawing, draw, labels_of, truth_of, units_of
+from seatrial.report.drawing import Drawing, draw, labels_of, record_curves, truth_of, units_of
+from seatrial.report.figures.fit import draw_fit
 from seatrial.report.figures.posterior import draw_marginal
-from seatrial.report.figures.style import NARROW, PALETTE, new_figure
+from seatrial.report.figures.style import (
+    BLUE,
+    FONT,
+    INK,
+    MUTED,
+    NARROW,
+    PALETTE,
+    PAPER,
+    label_axes,
+    new_figure,
+    own_settings,
+    sized_figure,
+    style_axes,
+)
 from seatrial.report.labels import label_mathtext
 from seatrial.report.sections.designs import sweep_drawings
+from seatrial.report.sections.fits import first_run
 from seatrial.report.sections.parameters import prior_of
 from seatrial.report.term_figures import term_figures
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 DOCS = Path(__file__).parent
-DEMO = DOCS.parent / "outputs" / "remus100"
+DEMO, SHIP = (DOCS.parent / "outputs" / name for name in ("remus100", "ship_yaw"))
 COLUMNS, GAP, TITLE = 2, 16, 22
 BROWSER = Path("/usr/bin/chromium")
 SCREEN = {"width": 1100, "height": 970}
@@ -23,8 +50,15 @@ SCREEN = {"width": 1100, "height": 970}
 
 
 def main() -> None:
-    """Write both pictures; without Chromium only the first, and say so."""
+    """Write the pictures; without Chromium or the data only those that need neither, and say so."""
     st.configure()
+    if os.environ.get("SEATRIAL_DATA"):
+        SHIP.mkdir(parents=True, exist_ok=True)
+        shutil.copy(DOCS.parent / "examples" / "ship_yaw" / "campaign.toml", SHIP)
+        with own_settings():
+            zigzag(st.run_loop(st.load_campaign(SHIP))).savefig(DOCS / "zigzag.png", dpi=130, facecolor=PAPER)
+    else:
+        print("SEATRIAL_DATA is not set: docs/zigzag.png was not drawn again")
     demo = Path(sys.argv[1]) if len(sys.argv) > 1 else DEMO
     if not (demo / "campaign.toml").exists():
         st.init_campaign(demo, "remus100")
@@ -45,6 +79,43 @@ def photograph(report: Path, picture: Path) -> None:
         page.goto(report.resolve().as_uri())
         page.screenshot(path=str(picture))
         browser.close()
+
+
+def zigzag(outcome: Outcome) -> "Figure":
+    """Draw the held-back run that moves most beside the values to quote.
+
+    Each value stands over a tenth of the standard deviation of its prior: in this campaign, the value with which its force alone would
+    make all of the motion.
+    """
+    from matplotlib.lines import Line2D
+
+    index = first_run(outcome)
+    runs = [*outcome.trials.fit, *outcome.trials.predict]
+    time, channels, controls = record_curves(outcome, index, runs[index])
+    figure = sized_figure(720, 290)
+    boxes = (0.075, 0.36, 0.42, 0.53), (0.075, 0.14, 0.42, 0.17), (0.62, 0.14, 0.36, 0.75)
+    yaw, rudder, values = (style_axes(figure.add_axes(box)) for box in boxes)
+    draw_fit([yaw, rudder], time, channels[1:2], controls[:1], held_back=True)
+    yaw.set_xlim(rudder.get_xlim())
+    yaw.tick_params(labelbottom=False)
+    dots, *others = yaw.get_legend_handles_labels()[0]
+    dots = Line2D([], [], color=dots.get_edgecolor(), linewidth=3, label="measured")
+    yaw.legend(
+        handles=[dots, *others], loc="upper right", ncols=3, fontsize=8, frameon=False, bbox_to_anchor=(1.0, 1.1)
+    )
+    yaw.set_title("Zigzag 25/5, held back", loc="left", fontsize=FONT, color=INK, fontweight="bold", pad=14)
+    rows = [row for row in outcome.summary.quote if row.name in outcome.chosen.structure.terms]
+    whole = [float(outcome.chosen.data.sel(parameter=row.name)["prior_sd"].values) / 10 for row in rows]
+    place = np.arange(len(rows))[::-1]
+    mean, sd = (np.array([getattr(row, part) for row in rows]) / whole for part in ("mean", "sd"))
+    values.axvline(0.0, color=MUTED, linewidth=0.8)
+    values.errorbar(mean, place, xerr=sd, fmt="o", color=BLUE, markersize=4, elinewidth=1.5, capsize=2.5)
+    values.set_yticks(place, [label_mathtext(labels_of(outcome)[row.name]) for row in rows], fontsize=FONT)
+    values.set_ylim(-0.7, len(rows) - 0.3)
+    values.margins(x=0.08)
+    values.set_title("Coefficients ± 1 sd", loc="left", fontsize=FONT, color=INK, fontweight="bold", pad=14)
+    label_axes(values, "force or moment, 1 if it makes all of the motion alone")
+    return figure
 
 
 def panels(outcome: Outcome) -> list[tuple[str, Drawing]]:

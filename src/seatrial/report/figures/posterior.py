@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 4.5  # Half width of the frame, posterior standard deviations
+WIDTH, FAR = 4.5, 12.0  # Half width of the frame, and the most for an interval, posterior standard deviations
 SHARES = (0.95, 0.5)
 PROFILE_WIDTH, ROW, HEAD, BELOW = 640.0, 104.0, 22.0, 40.0
 COLUMNS = 3
@@ -93,7 +93,7 @@ def draw_marginal(
         truth: of a simulated vehicle.
     """
     mean, sd = float(draws.mean()), float(draws.std())
-    low, high = _frame(draws, mean, sd, prior, truth)
+    low, high = _frame(draws, mean, sd, prior, truth, interval)
     exponent = power_of_ten(low, high)
     scale = 10.0**-exponent
     counts, edges = np.histogram(draws, bins=int(np.clip(draws.size**0.4, 20, 60)), range=(low, high))
@@ -221,14 +221,21 @@ def profile_figure(panels: Sequence[ProfilePanel], words: Sequence[str] = ()) ->
 
 
 def _frame(
-    draws: np.ndarray, mean: float, sd: float, prior: PriorShape | None, truth: float | None
+    draws: np.ndarray,
+    mean: float,
+    sd: float,
+    prior: PriorShape | None,
+    truth: float | None,
+    interval: tuple[float, float],
 ) -> tuple[float, float]:
-    """Limits that hold nearly all draws and the truth, and no more of the prior's outside than shows where it ends."""
+    """Limits that hold nearly all draws, the truth and the interval, and no more of the prior's outside than shows where it ends."""
     low, high = np.quantile(draws, [0.0005, 0.9995])
     low, high = max(float(low), mean - 1.5 * WIDTH * sd), min(float(high), mean + 1.5 * WIDTH * sd)
     low, high = min(low, mean - WIDTH * sd), max(high, mean + WIDTH * sd)
     if prior is not None and prior.is_bounded:
         low, high = max(low, min(prior.lower, draws.min())), min(high, max(prior.upper, draws.max()))
+    # The interval holds more than the noise, of which the draws are; where it holds far more, they would be a line.
+    low, high = min(low, max(interval[0], mean - FAR * sd)), max(high, min(interval[1], mean + FAR * sd))
     if truth is not None:
         low, high = min(low, truth), max(high, truth)
     width = high - low if high - low > 1e-9 * abs(high) else abs(high) or 1.0
