@@ -12,6 +12,7 @@ from seatrial.core.visible import visible
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.dashboard.next_step import NextStep, find_next_step
 from seatrial.dashboard.run_bar import RunBar
+from seatrial.report.glossary import with_meanings
 
 VIEWS = {
     "import": "Records",
@@ -129,7 +130,10 @@ def missing_page(context: AppContext, error: BaseException | str) -> None:
 def section(title: str, note: str = "") -> Iterator[ui.element]:
     """A titled part of a page."""
     with ui.element("section") as part:
-        markup(Markup("<h2>{}</h2>").format(title) + (Markup('<p class="note">{}</p>').format(note) if note else ""))
+        markup(
+            Markup("<h2>{}</h2>").format(title)
+            + (with_meanings(Markup('<p class="note">{}</p>').format(note)) if note else "")
+        )
         yield part
 
 
@@ -175,9 +179,10 @@ def table(
 
     body = Markup("").join(cells(row, "td") for row in rows)
     title = Markup("<caption>{}</caption>").format(caption) if caption else ""
-    return Markup(
+    made = Markup(
         '<div class="scroll" tabindex="0" role="region" aria-label="{}"><table{}>{}<thead>{}</thead><tbody>{}</tbody></table></div>'
     ).format(caption or "table", Markup(' class="stacks"') if stacks else "", title, cells(list(head), "th"), body)
+    return with_meanings(made)
 
 
 def _top(context: AppContext, campaign: str) -> Markup:

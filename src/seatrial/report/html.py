@@ -11,6 +11,7 @@ from markupsafe import Markup
 from seatrial import __version__
 from seatrial.core.visible import visible
 from seatrial.report.figures.style import PALETTE
+from seatrial.report.glossary import with_meanings
 from seatrial.report.numbers import with_percent_signs_kept
 
 
@@ -33,7 +34,7 @@ def render_html(template: str, script: str = "", **content: Any) -> str:
 @cache
 def _environment() -> Environment:
     """Templates, each compiled once for all pages of a process."""
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("seatrial.report"),
         autoescape=True,
         undefined=StrictUndefined,
@@ -41,3 +42,5 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["with_meanings"] = with_meanings
+    return environment
