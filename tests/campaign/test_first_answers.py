@@ -16,6 +16,7 @@ from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.workflow import whole_run
+from seatrial.campaign.workflow.status import standing
 from seatrial.campaign.workflow.steps import LOOP
 from seatrial.cli.answer import Answer
 from seatrial.cli.commands.loop import _chains_unasked, _report_of_mode
@@ -84,6 +85,7 @@ def test_a_report_after_the_mode_is_a_first_answer_and_names_the_command_that_sa
     assert html.count("First answer, without chains") == 1
     assert "These are not the values to quote" in html
     assert "seatrial-summary" not in html
+    assert standing(tmp_path)[-1].state == "missing"
     assert not any(Store(tmp_path).posterior("M-0").parent.glob("*"))
 
 

@@ -41,9 +41,12 @@ def _alarms(flow: Workflow, name: str) -> tuple[str, ...]:
 
 
 def _page(flow: Workflow) -> StepState:
-    """Judge the page: it is current if it was drawn from the summary as that is stored now, and that is current."""
+    """Judge the page: it is current if it was drawn from the summary as that is stored now, and that is current.
+
+    A first answer, which is drawn from no summary, is none yet.
+    """
     store = Store(flow.campaign.folder)
-    if not is_there(store.report):
+    if not is_there(store.report) or not (drawn_from(store.report) or is_there(store.summary)):
         return StepState("report", "missing", "report")
     summary = stored_summary(flow)
     if summary.state() != "current" or drawn_from(store.report) != seal_of(store.summary):
