@@ -122,7 +122,7 @@ def test_a_process_that_is_killed_is_told_and_replaced(tmp_path):
     first = jobs.sessions[folder]
     first.kill()
     until(lambda: not jobs.look(folder).running)
-    assert "ended without a message (SIGKILL)" in log_of(folder, "run").read_text()
+    assert "ended without a message (SIGKILL)" in log_of(folder).read_text()
     jobs.start(folder, "design", "--bogus")
     assert jobs.sessions[folder] is not first
     until(lambda: not jobs.look(folder).running)
