@@ -13,7 +13,10 @@ import pytest
 pytest.importorskip("nicegui", reason="the dashboard needs NiceGUI: pip install -e '.[dashboard]'")
 
 from seatrial.campaign.live.session_files import LAST_LOOK, last_look
+from seatrial.core.errors import InputError
+from seatrial.dashboard.jobs import Jobs
 from seatrial.dashboard.pages.live import look_html
+from seatrial.dashboard.session import Session
 from tests.campaign.test_live import write_campaign
 from tests.dashboard.served import served
 
@@ -70,6 +73,23 @@ def test_a_look_that_is_old_is_no_advice():
     assert 'class="advice silent"' in html
 
 
+def test_a_trial_is_followed_from_a_file_of_the_folder_or_a_port(tmp_path, monkeypatch):
+    (tmp_path / "run 1.csv").write_text("t,u\n")
+    begun = []
+    monkeypatch.setattr(Session, "start", lambda self, line, log: begun.append(line))
+    jobs = Jobs()
+    jobs.follow(tmp_path, "run 1.csv")
+    jobs.follow(tmp_path, "14550")
+    jobs.close()
+    assert [line[:3] for line in begun] == [
+        ["live", str(tmp_path), str(tmp_path / "run 1.csv")],
+        ["live", str(tmp_path), "udp:0.0.0.0:14550"],
+    ]
+    for source in ("", "../log.csv", "/etc/passwd", "-", "0", "65536", "14550 ", "--import", "no.csv"):
+        with pytest.raises(InputError, match="source of the trial"):
+            jobs.follow(tmp_path, source)
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"run": "one"}'])
 def test_a_damaged_look_is_none(tmp_path, text):
     assert last_look(tmp_path) is None
@@ -105,11 +125,8 @@ def test_a_vehicle_over_mavlink_is_followed_on_a_phone_in_sunlight(tmp_path):
             page.goto(address)
             page.goto(address.partition("?")[0] + "live?campaign=boat")
             page.get_by_text("No trial has been followed yet").wait_for()
-            for command in (
-                f"live {folder} logs/today.csv",
-                f"your_logger | seatrial live {folder} -",
-                f"{folder} ros2",
-            ):
+            page.get_by_text("From a pipe or ROS 2, in a shell").click()
+            for command in (f"your_logger | seatrial live {folder} -", f"{folder} ros2"):
                 page.get_by_text(command).wait_for()
             page.locator("select.theme").select_option("sun")
             deadline = time.monotonic() + 90

@@ -20,6 +20,7 @@ from seatrial.cli.campaign_lock import Occupant, occupant_of
 from seatrial.core.errors import InputError
 from seatrial.core.files import begin_file, open_regular
 from seatrial.core.visible import visible
+from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.command_options import STARTED
 from seatrial.dashboard.session import Session, how_it_ended
 
@@ -27,6 +28,10 @@ TAIL = 16_000
 """Bytes of output that are shown."""
 LOG = "last_command.txt"
 """What was printed by the last command."""
+LIVE, IDLE = "live", 1800
+"""The command that follows a trial, and seconds without a sample after which it ends if it was started from a page."""
+TEXTS = (".csv", ".tsv", ".txt", ".log")
+"""Names of text files that may grow end so."""
 KEPT = 2
 """Processes that stay without work: a few hundred megabytes each."""
 _OPTION = re.compile(r"--[a-z][a-z-]*(=[\w][\w ,.%\[\]+-]{0,80})?|[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", re.ASCII)
@@ -93,6 +98,33 @@ class Jobs:
                     expected="letters, digits, spaces and , . % + - _",
                     remedy="correct it, or use the shell",
                 )
+        self._begin(folder, [command, str(folder), *options])
+
+    def follow(self, folder: Path, source: str) -> None:
+        """Follow a trial from a text file inside the campaign's folder, or from a UDP port of this machine.
+
+        Args:
+            folder: of the campaign.
+            source: path from the folder, or the number of the port.
+
+        Raises:
+            InputError: another command is at work, or there is no such source.
+            OSError: its output cannot be written.
+        """
+        if source.isascii() and source.isdigit() and 0 < int(source[:6]) < 65536:
+            place = f"udp:0.0.0.0:{int(source)}"
+        elif source in logs_of(folder, TEXTS):
+            place = str(folder / source)
+        else:
+            raise InputError(
+                "source of the trial",
+                found=repr(source[:80]),
+                expected="a text file in the campaign's folder, or a port from 1 to 65535",
+                remedy="choose one",
+            )
+        self._begin(folder, [LIVE, str(folder), place, f"--idle={IDLE}"])
+
+    def _begin(self, folder: Path, line: list[str]) -> None:
         there = self.look(folder)
         if there.running:
             words = there.occupant.words if there.occupant else "one that was just started"
@@ -104,7 +136,6 @@ class Jobs:
             )
         log = log_of(folder)
         log.parent.mkdir(exist_ok=True)
-        line = [command, str(folder), *options]
         with begin_file(log) as stream:
             stream.write(visible(f"$ seatrial {shlex.join(line)}\n").encode())
         self.session_of(folder).start(line, log)

@@ -12,7 +12,7 @@ from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.core.errors import SeatrialError
 from seatrial.core.reporter import duration_text, remaining
 from seatrial.dashboard.app_context import AppContext, markup, say
-from seatrial.dashboard.jobs import Job
+from seatrial.dashboard.jobs import LIVE, Job
 
 EVERY = 1.0
 """Seconds between looks at what is running."""
@@ -39,7 +39,7 @@ def standing_of(job: Job, now: float) -> Standing:
     """
     there = job.occupant
     if there is None or not there.alive:
-        return Standing("starting", None)
+        return Standing("following the trial" if job.word == LIVE else "starting", None)
     words = [" ".join(there.command[:2])]
     whole = [piece for piece in there.work if piece["title"] == TITLE]
     running = [piece for piece in there.work if piece["done"] < piece["total"] and piece["title"] != TITLE]

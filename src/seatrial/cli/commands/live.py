@@ -56,10 +56,11 @@ def live(
         show = _Block() if sys.stdout.isatty() and not as_json else _Lines(every, as_json)
         stopped: list[int] = []
         signal.signal(signal.SIGINT, lambda *_: stopped.append(1))
-        signal.signal(signal.SIGTERM, lambda *_: stopped.append(1))
+        before = signal.signal(signal.SIGTERM, lambda *_: stopped.append(1))
         try:
             _follow(session, stream, idle, stopped, show)
         finally:
+            signal.signal(signal.SIGTERM, before)  # the process may go on to other commands
             stream.close()
             session.kept.close()
             show.close()

@@ -11,8 +11,13 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.live.session_files import last_look
+from seatrial.core.errors import SeatrialError
 from seatrial.core.reporter import duration_text
-from seatrial.dashboard.app_context import AppContext, markup
+from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.campaign_paths import logs_of
+from seatrial.dashboard.jobs import LIVE, TEXTS
+from seatrial.dashboard.page_layout import LOOK, button, section
+from seatrial.dashboard.pages.work import Live
 
 EVERY = 1.0
 """Seconds between looks."""
@@ -23,30 +28,71 @@ SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲", "check"
 
 
 WAYS = {
-    "A text file that grows, as a logger writes it": "seatrial live {} logs/today.csv",
     "The output of another program, through a pipe": "your_logger | seatrial live {} -",
-    "MAVLink that arrives by UDP": "seatrial live {} udp:0.0.0.0:14550",
     "The ROS 2 topics that [import] names": "seatrial live {} ros2",
 }
-"""Commands that follow a trial, by what they read."""
+"""Commands that follow a trial from what a page cannot open, by what they read."""
+PORT = "14550"
+"""Port to which MAVLink is sent by custom."""
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the page."""
-    del context, campaign
+    del campaign
     shown = markup("")
     last = ""
 
     async def look() -> None:
         nonlocal last
         latest = await asyncio.to_thread(last_look, folder)
-        html = _none(folder) if latest is None else look_html(latest, time.time())
+        html = NONE if latest is None else look_html(latest, time.time())
         if html != last:
             last = html
             shown.set_content(html)
 
     await look()
     ui.timer(EVERY, look)
+    words = "It never commands the vehicle. All who look at this page see what it says, once a second."
+    with section("Follow a trial", words):
+        await StartForm(context, folder).build()
+        Live(context, folder, (LIVE,))
+        markup(_ways(folder))
+
+
+class StartForm:
+    """Where the samples come from, and the button that starts to follow them; Stop is in the bar above.
+
+    Args:
+        context: what is served.
+        folder: of the campaign.
+    """
+
+    def __init__(self, context: AppContext, folder: Path):
+        self.context, self.folder = context, folder
+
+    async def build(self) -> None:
+        """Build the form."""
+        files = await asyncio.to_thread(logs_of, self.folder, TEXTS)
+        with ui.element("div").classes("line"):
+            sources = {"file": "a text file that grows, in the campaign's folder", "udp": "MAVLink that arrives by UDP"}
+            self.kind = ui.select(sources, value="file", label="Samples come from").props(LOOK).classes("wide")
+            self.file = ui.select(files, label="File").props(LOOK)
+            self.port = ui.input("Port", value=PORT).props(LOOK)
+        self.file.bind_visibility_from(self.kind, "value", value="file")
+        self.port.bind_visibility_from(self.kind, "value", value="udp")
+        with ui.element("div").classes("line"):
+            button("Start", self._start, main=True)
+        self.said = ui.element("div")
+
+    def _start(self) -> None:
+        self.said.clear()
+        source = self.port.value if self.kind.value == "udp" else self.file.value
+        try:
+            self.context.jobs.follow(self.folder, str(source or "").strip())
+        except (SeatrialError, OSError) as error:
+            with self.said:
+                say(error)
+        self.context.glances.pop(self.folder, None)
 
 
 def look_html(look: Mapping[str, Any], now: float) -> Markup:
@@ -94,13 +140,12 @@ def _coefficient(one: Mapping[str, Any]) -> Markup:
     return Markup("<div>{}{}<small>{}</small></div>").format(label, bar, "; ".join(notes))
 
 
-def _none(folder: Path) -> Markup:
+NONE = Markup("<section><p>No trial has been followed yet.</p></section>")
+
+
+def _ways(folder: Path) -> Markup:
     place = shlex.quote(str(folder))
     ways = Markup("").join(
         Markup("<p>{}:</p><pre>{}</pre>").format(what, command.format(place)) for what, command in WAYS.items()
     )
-    return Markup(
-        "<section><p>No trial has been followed yet. In a shell, while the vehicle runs, start one of these:</p>{}"
-        '<p class="note">It never commands the vehicle. This page then shows what it says, once a second, to everybody who looks.</p>'
-        "</section>"
-    ).format(ways)
+    return Markup("<details><summary>From a pipe or ROS 2, in a shell</summary>{}</details>").format(ways)

@@ -15,7 +15,7 @@ from seatrial.core.reporter import duration_text
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
 from seatrial.dashboard.campaign_paths import MADE
 from seatrial.dashboard.command_options import STARTED, CommandOption, Value, options_of, words_of_options
-from seatrial.dashboard.jobs import Job
+from seatrial.dashboard.jobs import LIVE, Job
 from seatrial.dashboard.page_layout import LOOK, button, link, section
 from seatrial.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.dashboard.run_bar import remaining_of
@@ -205,7 +205,8 @@ def _state(job: Job) -> Markup:
         words = re.sub("`(.*?)`", r"<code>\1</code>", str(escape(job.occupant.words)))
         return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(Markup(words))
     if job.starting:
-        return Markup('<p class="running"><span class="dot"></span>starting …</p>')
+        words = "following the trial" if job.word == LIVE else "starting"
+        return Markup('<p class="running"><span class="dot"></span>{} …</p>').format(words)
     if job.killed:
         words = "was killed. What it had finished is kept: start it again to resume."
         return Markup('<p class="alarm">▲ {} {}</p>').format(job.occupant.words if job.occupant else "", words)
