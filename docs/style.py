@@ -24,13 +24,13 @@ RULES = {
 }
 """Words that the rules of CONTRIBUTING.md replace, as patterns."""
 BOUNDS = {
-    "long": 180,
-    "where": 82,
-    "told": 16,
-    "what": 163,
-    "own": 12,
-    "in place of": 7,
-    "times smaller": 7,
+    "long": 120,
+    "where": 70,
+    "told": 10,
+    "what": 106,
+    "own": 4,
+    "in place of": 5,
+    "times smaller": 3,
 }
 """Most faults of each rule; `long` counts sentences of more than `MOST_WORDS` words."""
 _LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")
