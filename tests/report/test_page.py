@@ -24,7 +24,7 @@ from seatrial.report import drawing
 from seatrial.report.drawing import digits_of, moments_of
 from seatrial.report.page import CONTENTS, write_report
 from seatrial.report.page import render as rendered
-from seatrial.report.sections.fits import first_run, fits_section
+from seatrial.report.sections.fits import _split, first_run, fits_section
 from seatrial.report.sections.models import models_section
 from seatrial.report.sections.summary import answer
 from seatrial.selection.verdict import averaged
@@ -166,6 +166,11 @@ def test_the_first_figure_is_of_the_held_back_run_that_moves_most_and_stands_onc
     for moves in (0, 1):
         data["measured"][...] = np.where((rows == moves)[:, None], 2.0, 1.0) * outcome.predictions["measured"].values
         assert first_run(replace(fitted, predictions=data)) == moves
+
+
+def test_the_first_figure_and_the_section_share_the_panels_of_a_run_between_them():
+    assert _split(list("uvwpqr"), list("ab")) == ((["u", "v", "w"], ["a", "b"]), (["p", "q", "r"], []))
+    assert _split(list("uv"), list("abc")) == ((["u", "v"], []), ([], ["a", "b", "c"]))
 
 
 def test_the_table_can_be_copied_and_names_its_csv(html):
