@@ -39,7 +39,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
     folder = write_small(tmp_path / "served" / "boat", *NO_X_U, ("points = 4", "points = 3"))
     with served(tmp_path / "served", kill=True) as (address, _):
         page.goto(address)
-        page.get_by_role("link", name="Design").click()
+        page.get_by_role("navigation").get_by_role("link", name="Design").click()
 
         # A limit is refused in words, then edited; the file keeps its comments, and nothing is half written.
         upper = page.get_by_label("n: upper")
@@ -64,7 +64,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
         assert download.value.path().read_text().startswith("time_s,n_rpm\n0,")
 
         # A run is stopped and resumed; then the dashboard is killed, which the run does not notice.
-        page.get_by_role("link", name="Run", exact=True).click()
+        page.get_by_role("navigation").get_by_role("link", name="Run", exact=True).click()
         page.get_by_role("button", name="Start or resume").click()
         page.locator(".bars progress").first.wait_for()
         page.get_by_role("button", name="Stop").click()
@@ -83,7 +83,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
     with served(tmp_path / "served") as (address, _):
         page.goto(f"{address}run?campaign=boat")
         page.get_by_text("report: ").first.wait_for()
-        page.get_by_role("link", name="Results", exact=True).click()
+        page.get_by_role("navigation").get_by_role("link", name="Results", exact=True).click()
         for words in ("Values ± standard deviation", "Does it predict?", "Run a repeated doublet"):
             page.get_by_text(words).first.wait_for()
         page.get_by_role("link", name="Zoom into the records").wait_for()
@@ -93,7 +93,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
             "[...document.querySelectorAll('.scroll:has(.stacks)')].every((one) => one.scrollWidth <= one.clientWidth)"
         )
         page.set_viewport_size({"width": 1000, "height": 900})
-        page.get_by_role("link", name="Compare").click()
+        page.get_by_role("navigation").get_by_role("link", name="Compare").click()
         page.get_by_text("difference, joint sd").wait_for()
         assert page.locator("table td").first.inner_text() == "0.0"
         page.set_viewport_size({"width": 390, "height": 844})
@@ -102,7 +102,7 @@ def test_from_a_limit_to_an_export(tmp_path, page):
             "[document.documentElement, ...document.querySelectorAll('.scroll')].every((one) => one.scrollWidth <= one.clientWidth)"
         )
         page.set_viewport_size({"width": 1000, "height": 900})
-        page.get_by_role("link", name="Report and export").click()
+        page.get_by_role("navigation").get_by_role("link", name="Report and export").click()
         with page.expect_popup() as popup:
             page.get_by_role("link", name="Open report.html").click()
         assert popup.value.get_by_text("Does it predict?").first.inner_text()
@@ -366,7 +366,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
             page.get_by_role("button", name="Download its schedule").click()
         assert download.value.path().read_text().startswith("time_s,n_rpm\n0,1200\n")
 
-        page.get_by_role("link", name="Records").click()
+        page.get_by_role("navigation").get_by_role("link", name="Records").click()
         page.get_by_text("No record yet: run the designed trial").wait_for()
         page.locator("input[type=file]").set_input_files(log)
         page.locator(".channel").get_by_text("1200 to 1499").wait_for()
@@ -382,7 +382,7 @@ def test_commands_stand_in_groups(tmp_path, page):
     write_small(tmp_path / "served" / "boat")
     with served(tmp_path / "served") as (address, _):
         page.goto(address)
-        page.get_by_role("link", name="Run", exact=True).click()
+        page.get_by_role("navigation").get_by_role("link", name="Run", exact=True).click()
         page.get_by_role("combobox", name="Command", exact=True).click()
         shown = page.get_by_role("listbox").inner_text().splitlines()
         assert shown.index("Before a trial") < shown.index("prior: what the priors mean as speeds") < shown.index("Fit")
