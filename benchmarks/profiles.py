@@ -40,7 +40,7 @@ def seconds(cores: int) -> list[Row | Ratio]:
 
 def profiled(problem: Problem) -> tuple[Mode, tuple[Profile, ...]]:
     """Return what `seatrial profile` computes."""
-    mode = find_mode(problem.posterior, jax.random.key(0))
+    mode = find_mode(problem.posterior, key=jax.random.key(0))
     return mode, profile_likelihood(problem.posterior, mode)
 
 

@@ -25,7 +25,7 @@ SPEED_AGREED = 0.01
 def seconds(cores: int) -> list[Row | Ratio]:
     """Return processor seconds of all three: again, the first time in a process, and for ours with programs that another process kept."""
     problem = paper_problem()
-    mode, first, again = processor_seconds(lambda: find_mode(problem.posterior, jax.random.key(0)), 5)
+    mode, first, again = processor_seconds(lambda: find_mode(problem.posterior, key=jax.random.key(0)), 5)
     kept = later_process("surge_fits.py")
     names, values, sd = problem.posterior.names[:3], mode.values[:3], mode.sd[:3]
     mujoco, sindy = (
@@ -63,7 +63,7 @@ def main() -> None:
     """Print the processor seconds of one mode."""
     st.configure()
     problem = paper_problem()
-    print(processor_seconds(lambda: find_mode(problem.posterior, jax.random.key(0)), 0)[1])
+    print(processor_seconds(lambda: find_mode(problem.posterior, key=jax.random.key(0)), 0)[1])
 
 
 if __name__ == "__main__":

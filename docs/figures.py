@@ -87,6 +87,7 @@ def zigzag(outcome: Outcome) -> "Figure":
     Each value stands over a tenth of the standard deviation of its prior: in this campaign, the value with which its force alone would
     make all of the motion.
     """
+    from matplotlib.collections import Collection
     from matplotlib.lines import Line2D
 
     index = first_run(outcome)
@@ -99,7 +100,8 @@ def zigzag(outcome: Outcome) -> "Figure":
     yaw.set_xlim(rudder.get_xlim())
     yaw.tick_params(labelbottom=False)
     dots, *others = yaw.get_legend_handles_labels()[0]
-    dots = Line2D([], [], color=dots.get_edgecolor(), linewidth=3, label="measured")
+    assert isinstance(dots, Collection)
+    dots = Line2D([], [], color=tuple(dots.get_edgecolor()[0]), linewidth=3, label="measured")
     yaw.legend(
         handles=[dots, *others], loc="upper right", ncols=3, fontsize=8, frameon=False, bbox_to_anchor=(1.0, 1.1)
     )
