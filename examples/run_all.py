@@ -61,7 +61,7 @@ def six_degrees(name: str, maker: str) -> None:
     command = [sys.executable, "-m", "seatrial", "estimate", str(folder), "--by", "mode"]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     print(told, flush=True)
-    rows = re.findall(r"^  (\S+) +(\S+) ± (\S+)", told, re.MULTILINE)
+    rows = re.findall(r"^ +(\S+) +(\S+) ± (\S+)", told, re.MULTILINE)
     found = {coefficient: (mean, sd) for coefficient, mean, sd in rows}
     truth = runpy.run_path(str(EXAMPLES / name / maker))["TRUTH"]
     for coefficient, value in truth.items():
