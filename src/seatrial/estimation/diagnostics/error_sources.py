@@ -502,8 +502,8 @@ def _thrust_loss(motion: _Motion) -> Float[np.ndarray, "axes trials n"]:
 def _force_of_inertia(motion: _Motion, axis: str, body: float, added: float, gain: np.ndarray) -> Column:
     """Return the force that a larger inertia of an axis needs, and the Coriolis forces that come with it.
 
-    The mass of the body is the same along all axes, so it turns no vehicle by its velocity, v x m v = 0. Coriolis forces of the added
-    mass are in proportion to it if they follow from it; otherwise they are coefficients.
+    A mass needs its whole acceleration along the axis, v_y' + u r - w p along Y, also if u is measured and does not move. Coriolis forces
+    of the added mass are in proportion to it if they follow from it; otherwise they are coefficients.
 
     Args:
         motion: about which the force is laid out.
@@ -512,16 +512,15 @@ def _force_of_inertia(motion: _Motion, axis: str, body: float, added: float, gai
         added: that of the added mass.
         gain: acceleration along the axis over each step, SI, shape (trials, n).
     """
-    at, axes = AXES.index(axis), motion.model.disturbance_axes
-    follows = added * dict(motion.model.constants).get("automatic coriolis", 0.0)
+    at, axes, constants = AXES.index(axis), motion.model.disturbance_axes, dict(motion.model.constants)
     forces = {axis: -(body + added) * gain}
-    for name, factor in entry_products(at, at):
-        inertia = follows + body * (AXES.index(name.axis) // 3 == at // 3)
-        if (
-            name.axis in axes
-            and inertia
-            and all(one in motion.states or one in motion.controls for one in name.signals)
-        ):
+    products = [(added * constants.get("automatic coriolis", 0.0), one) for one in entry_products(at, at)]
+    if f"mass {at}{at}" in constants:  # equations of single axes name the Coriolis forces that they have
+        of_body = entry_products(at, at) if at >= 3 else [p for row in range(3) for p in entry_products(row, row)]
+        products += [(body, one) for one in of_body if at >= 3 or one.name.axis == axis]
+    for inertia, (name, factor) in products:
+        is_present = all(signal in motion.states or signal in motion.controls for signal in name.signals)
+        if inertia and name.axis in axes and is_present:
             force = inertia * factor * motion.mean(lambda signals, name=name: name.regressor(signals, {}))
             forces[name.axis] = forces.get(name.axis, 0.0) + force
     if len(forces) == 1:
