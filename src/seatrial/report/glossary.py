@@ -30,10 +30,10 @@ _SILENT = (
 
 
 def with_meanings(html: str) -> Markup:
-    """Return markup of our own in which the first use of each word of the glossary in each section has its meaning."""
+    """Return markup in which the first use of each word of the glossary in each section has its meaning."""
     names, met, silent, pieces = list(GLOSSARY), set[str](), "", []
 
-    def told(match: re.Match[str]) -> str:
+    def explained(match: re.Match[str]) -> str:
         name = names[(match.lastindex or 1) - 1]
         if name in met:
             return match[0]
@@ -44,7 +44,7 @@ def with_meanings(html: str) -> Markup:
     for piece in _PIECE.finditer(html):
         closes, tag = piece[1], (piece[2] or "").lower()
         if not tag:
-            pieces.append(piece[0] if silent or piece[0].startswith("<!") else _WORD.sub(told, piece[0]))
+            pieces.append(piece[0] if silent or piece[0].startswith("<!") else _WORD.sub(explained, piece[0]))
             continue
         if tag == "section":
             met.clear()
