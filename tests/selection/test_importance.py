@@ -11,6 +11,7 @@ from seatrial.estimation.priors import Normal, Uniform, half_normal
 from seatrial.sampling.target import evaluate
 from seatrial.selection import importance
 from seatrial.selection.importance import (
+    MISSING_TAIL_INDEX,
     ImportanceSettings,
     ProposalComponent,
     Weights,
@@ -290,7 +291,7 @@ def test_a_single_draw_that_counts_is_no_tail():
     weights = importance.weigh(target, [proposal], jax.random.key(0), 256)
     assert np.isfinite(weights.smoothed).sum() >= 1
     assert np.exp(weights.smoothed).sum() == pytest.approx(1.0)
-    assert weights.k_hat == np.inf
+    assert weights.k_hat == MISSING_TAIL_INDEX
     (refitted,) = importance.refit([proposal], weights)
     assert refitted.share == pytest.approx(1.0)
 

@@ -41,6 +41,7 @@ GOOD_EFFICIENCY = 0.5
 DRAW_MARGIN, MAX_DRAW_FACTOR = 1.5, 16.0
 # Pareto shape of the weights above which their mean is not to be trusted (Vehtari et al., JMLR 25, 2024).
 MAX_K_HAT = 0.7
+MISSING_TAIL_INDEX = 10.0  # Tail index that is stated where so few draws carry all weight that none can be found
 
 
 class ProposalComponent(NamedTuple):
@@ -207,7 +208,6 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
     Raises:
         NumericalError: every draw has zero density.
     """
-    array_stats = load_array_stats()
     z = draw_mixture(proposals, key, n)
     log_weight = evaluate(target, z) - log_mixture(proposals, z)
     top = log_weight.max()
@@ -215,11 +215,21 @@ def weigh(target: Target, proposals: Sequence[ProposalComponent], key: jax.Array
         raise NumericalError(
             f"none of {n} draws about the posterior mode has a finite density: start from another mode, or narrow the prior"
         )
-    smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
-    if np.isnan(smoothed).any():  # hardly more than one draw counts: there is no tail to smooth
-        smoothed, k_hat = log_weight - _log_sum(log_weight), np.inf
+    smoothed, k_hat = smooth_weights(log_weight)
     ess = 1.0 / float(np.sum(np.exp(2 * (log_weight - _log_sum(log_weight)))))
-    return Weights(np.asarray(z), log_weight, np.asarray(smoothed), float(k_hat), ess)
+    return Weights(np.asarray(z), log_weight, smoothed, k_hat, ess)
+
+
+def smooth_weights(log_weight: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
+    """Return log weights with a smoothed tail, whose sum is 1, and k-hat: `MISSING_TAIL_INDEX` where one draw counts and no tail is left.
+
+    Vehtari and others, Pareto smoothed importance sampling, Journal of Machine Learning Research 25, 2024.
+    """
+    with np.errstate(all="ignore"):
+        smoothed, k_hat = load_array_stats().psislw(-np.maximum(log_weight, log_weight.max() - 700.0))
+    if np.isfinite(k_hat) and np.isfinite(smoothed).all():
+        return np.asarray(smoothed), float(k_hat)
+    return log_weight - _log_sum(log_weight), MISSING_TAIL_INDEX
 
 
 def draw_mixture(proposals: Sequence[ProposalComponent], key: jax.Array, n: int) -> Float[np.ndarray, "n d"]:

@@ -36,9 +36,16 @@ from seatrial.estimation.prediction.posterior_by_run import (
     weigh_runs,
 )
 from seatrial.estimation.prediction.prediction_scores import score_channel
-from seatrial.sampling.diagnostics import load_array_stats
 from seatrial.selection.cross_validation import LeaveOneRunOut, LeftOutRun
-from seatrial.selection.importance import MAX_K_HAT, ProposalComponent, Weights, draw_mixture, log_mixture, refit
+from seatrial.selection.importance import (
+    MAX_K_HAT,
+    ProposalComponent,
+    Weights,
+    draw_mixture,
+    log_mixture,
+    refit,
+    smooth_weights,
+)
 
 # Draws of the shared parameters in each round, and most rounds; all that were drawn serve all posteriors.
 ROUND_DRAWS, MAX_ROUNDS = 1024, 5
@@ -47,7 +54,6 @@ PREDICTION_DRAWS = 200  # Draws by which a run that was left out is predicted
 # makes.
 MAX_STEPS = 12
 FAR = 1.0  # Tail index above which weights have not even a mean
-MISSING_TAIL_INDEX = 10.0  # Tail index that is stated where so few draws carry all weight that none can be found
 MIN_PRECISION = 1.0  # Least precision of a proposal: that of the prior in the coordinates in which it is drawn
 
 
@@ -196,16 +202,10 @@ def _log_likelihood(known: _Drawn, weight: np.ndarray) -> np.ndarray:
 
 def _weights(known: _Drawn, weight: np.ndarray) -> tuple[Float[np.ndarray, " n"], float]:
     """Return the log weights of draws for the posterior of some runs, smoothed, that sum to 1, and their tail index."""
-    array_stats = load_array_stats()
     log_weight = _log_weight(known, weight)
-    top = log_weight.max()
-    if not np.isfinite(top):
+    if not np.isfinite(log_weight.max()):
         raise NumericalError("leave one run out: no draw about the posterior mode has a finite density")
-    with np.errstate(all="ignore"):  # where one draw holds all weight there is no tail to fit
-        smoothed, k_hat = array_stats.psislw(-np.maximum(log_weight, top - 700.0))
-    sound = bool(np.isfinite(k_hat) and np.isfinite(smoothed).all())
-    kept = np.asarray(smoothed) if sound else log_weight
-    return kept - float(scipy.special.logsumexp(kept)), float(k_hat) if sound else MISSING_TAIL_INDEX
+    return smooth_weights(log_weight)
 
 
 def _approximation(runs: RunPosteriors, expanded: RunExpansion, weight: np.ndarray) -> ProposalComponent:
