@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import study_numbers
 from matplotlib.figure import Figure
 from scipy import stats
 from scipy.special import expit, logit
@@ -44,11 +45,8 @@ from seatrial.selection.importance import ImportanceSettings, importance_evidenc
 
 HERE = Path(__file__).parent
 STATE = HERE.parent / "outputs" / "term_probabilities"
-NUMBERS = HERE / "dev" / "term_probabilities.json"
 KINDS = {"within the model": False, "with every error": True}
 """Kinds of probabilities, and whether every error is in them."""
-RESULTS = "<!-- results -->"
-"""Where the table begins in the page."""
 STEP, FINE, SAMPLES, RUNS = 0.1, 5, 400, 3
 """Interval of the samples, s; steps of the simulation in one; samples of a run; runs of a vehicle."""
 NOISE, MASS, DEDUCTION, TRIM = 0.02, 31.41, 0.1, 125.0
@@ -223,8 +221,11 @@ def main() -> None:
     asked = parser.parse_args()
     if not asked.redraw:
         st.configure()
-        write_text(NUMBERS, json.dumps(results(asked.records, asked.full), indent=1) + "\n")
-    write_page(json.loads(NUMBERS.read_text()))
+        study_numbers.keep("term_probabilities", results(asked.records, asked.full))
+    found = study_numbers.kept("term_probabilities")
+    with own_settings():
+        write_text(HERE / "dev" / "term_probabilities.svg", draw_svg(reliability_figure(found), "term-probabilities"))
+    study_numbers.show("term_probabilities", tables(found))
 
 
 def results(records: int, full: int) -> dict:
@@ -248,8 +249,8 @@ def results(records: int, full: int) -> dict:
     }
 
 
-def write_page(found: dict) -> None:
-    """Write table and picture from the numbers."""
+def tables(found: dict) -> str:
+    """Return picture and table of the page."""
     heads = "| the model lacks | probabilities | vehicles | slope | log score | expected | "
     heads += " | ".join(["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]) + " |\n"
     rows = [_row(about.words, words, found[f"{arm}, {words}"]) for arm, about in ARMS.items() for words in KINDS]
@@ -259,14 +260,8 @@ def write_page(found: dict) -> None:
         if found["vehicles of the full route"]
         else ""
     )
-    with own_settings():
-        write_text(HERE / "dev" / "term_probabilities.svg", draw_svg(reliability_figure(found), "term-probabilities"))
-    page = HERE / "dev" / "term_probabilities.md"
-    before, picture = (
-        page.read_text().split(RESULTS)[0],
-        "![Share of terms that are there by stated probability](term_probabilities.svg)",
-    )
-    write_text(page, f"{before}{RESULTS}\n\n{picture}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + f"\n\n{last}")
+    picture = "![Share of terms that are there by stated probability](term_probabilities.svg)"
+    return f"{picture}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + f"\n\n{last}"
 
 
 def reliability_figure(found: dict) -> Figure:

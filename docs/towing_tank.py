@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import study_numbers
 
 import seatrial as st
 from seatrial.campaign.compute.shared_work import Study
@@ -29,8 +30,6 @@ from seatrial.vehicles.axis_equation import axis_equation
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent / "examples" / "ship_yaw" / "campaign.toml"
 FOLDER = HERE.parent / "outputs" / "towing_tank"
-RESULTS = "<!-- results -->"
-"""Where the tables begin in the page."""
 WIDE_90 = 1.6449
 """Half width of an interval of 90 %, standard deviations."""
 LENGTH, DRAUGHT, DENSITY, SPEED = 7.0, 0.455, 1000.0, 1.18
@@ -143,10 +142,8 @@ def main() -> None:
         print(one.words, json.dumps(found[one.words], indent=1), flush=True)
     late = max(abs(shift) for run in RUNS for shift in clock_shifts(run))
     results = {"free running": found, "captive": tank, "printed": printed, "largest shift of a clock, s": late}
-    write_text(HERE / "dev" / "towing_tank.json", json.dumps(results, indent=1) + "\n")
-    page = HERE / "dev" / "towing_tank.md"
-    before = page.read_text().split(RESULTS)[0]
-    write_text(page, f"{before}{RESULTS}\n\n{tables(found, tank, printed)}")
+    study_numbers.keep("towing_tank", results)
+    study_numbers.show("towing_tank", tables(results))
 
 
 def fitted(about: Variant, folder: Path) -> Fit:
@@ -355,8 +352,9 @@ def with_rudder() -> dict[str, float]:
     return {name: float(value) for name, value in result.items()}
 
 
-def tables(found: Mapping[str, dict], tank: dict, printed: Mapping[str, dict]) -> str:
+def tables(results: Mapping[str, dict]) -> str:
     """Return the tables of the page: derivatives, forces at drift angles, and the variants."""
+    found, tank, printed = results["free running"], results["captive"], results["printed"]
     first = next(iter(found.values()))
     result = [
         "| | free running | captive, by least squares | MMG, hull and rudder | MMG, hull alone | free running less tank, in ± |",

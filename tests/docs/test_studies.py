@@ -1,32 +1,22 @@
 """Pages of studies show the numbers that stand in the JSON files beside them."""
 
-import json
 import sys
 from pathlib import Path
 
 import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
-sys.path.insert(0, str(DOCS))
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 
-import term_probabilities  # noqa: E402
-import towing_tank  # noqa: E402
-
-
-def numbers(name):
-    return json.loads((DOCS / "dev" / f"{name}.json").read_text()), (DOCS / "dev" / f"{name}.md").read_text()
+import study_numbers
+import term_probabilities
+import towing_tank
 
 
-def test_the_towing_tank():
-    found, page = numbers("towing_tank")
-    assert page.endswith(towing_tank.tables(found["free running"], found["captive"], found["printed"]))
-
-
-def test_term_probabilities():
-    found, page = numbers("term_probabilities")
-    for arm, about in term_probabilities.ARMS.items():
-        for words in term_probabilities.KINDS:
-            assert term_probabilities._row(about.words, words, found[f"{arm}, {words}"]) in page
+@pytest.mark.parametrize("study", [towing_tank, term_probabilities], ids=lambda study: study.__name__)
+def test_pages_show_the_numbers(study):
+    found = study_numbers.kept(name := study.__name__)
+    assert (study_numbers.DEV / f"{name}.md").read_text().endswith(study.tables(found))
+    assert found["commit"]
 
 
 def test_mmg_with_rudder_by_hand():
