@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.special import softmax
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.load import load_campaign
@@ -46,6 +47,36 @@ def test_what_decides_nothing_is_not_checked(tmp_path, monkeypatch):
         "Importance sampling gave every evidence. No other"
     )
     assert (found.alarms, found.chosen) == ((), 0)
+
+
+class Known:
+    """Workers that know every evidence: 20 nats for each optional term."""
+
+    def run(self, work, shared, items, done, on_progress):
+        del work, shared, on_progress
+        for index, (structure, piece) in enumerate(items):
+            value = 20.0 * len({"X_u", "X_uabsu"}.intersection(structure.terms))
+            done(index, MethodResult(piece.method, Evidence(value, 0.01, piece.method)))
+
+
+def test_probabilities_have_the_prior_of_the_campaign(tmp_path, monkeypatch):
+    """Of two optional terms: 1/3, 1/6, 1/6 and 1/3 by multiplicity; evidences do not depend on it."""
+    monkeypatch.setattr(evidence, "workers_of", lambda *_: Known())
+    optional = (
+        'always = ["X_uabsu", "T_nabsn"]\noptional = ["X_u"]',
+        'always = ["T_nabsn"]\noptional = ["X_u", "X_uabsu"]',
+    )
+    found = {}
+    for prior in ("equal", "multiplicity"):
+        stated = ("repeats = 2", f'repeats = 2\nstructure_prior = "{prior}"')
+        campaign = load_campaign(write_small(tmp_path, optional, stated))
+        found[prior] = select_structure(campaign, get_trials(campaign))
+    equal, other = found["equal"], found["multiplicity"]
+    logs = np.array([one.weighed for one in equal.evidences])
+    assert [one.weighed for one in other.evidences] == logs.tolist()
+    assert equal.probability == pytest.approx(softmax(logs))
+    assert other.probability == pytest.approx(softmax(logs + np.log([1 / 3, 1 / 6, 1 / 6, 1 / 3])))
+    assert (equal.structure_prior, other.structure_prior) == ("equal", "multiplicity")
 
 
 @pytest.mark.proof

@@ -25,7 +25,7 @@ from seatrial.campaign.design.sweep import design_key
 from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.campaign.selection import evidence
-from seatrial.campaign.selection.evidence import evidence_key
+from seatrial.campaign.selection.evidence import evidence_key, stored_selection
 from seatrial.campaign.selection.screening import stored_screening
 from seatrial.campaign.store.stored_result import as_json, key_of
 from seatrial.campaign.workflow.steps import TrialsKey
@@ -43,6 +43,7 @@ KEYS = {
     "design": design_key,
     "estimate": lambda campaign: estimate_key(campaign, campaign.full, TRIALS),
     "evidence": lambda campaign: evidence_key(campaign, campaign.full, TRIALS),
+    "selection": lambda campaign: stored_selection(campaign, TRIALS).key,
     "screening": lambda campaign: stored_screening(campaign, TRIALS).key,
 }
 
@@ -119,17 +120,24 @@ def test_a_quantity_in_another_unit_leaves_every_result_current(tmp_path, change
 
 DEPENDS = {
     "another name": ({"name": "large"}, ""),
-    "another seed": ({"seed": 4}, "design estimate evidence screening"),
+    "another seed": ({"seed": 4}, "design estimate evidence selection screening"),
     "another worker": ({"compute": ComputeTable(workers="slurm")}, ""),
     "another goal": ({"goal": Goal(shares={"X_u": 0.1})}, ""),
     "another limit": ({"control_limits": {"n": Limits(0.0, 150.0)}}, "design"),
-    "another rate": ({"sensors": {"u": SensorTable(noise=0.05, rate=5.0)}}, "design estimate evidence screening"),
-    "other residuals": ({"estimation": EstimationTable(residuals="heavy")}, "estimate evidence"),
-    "more particles": ({"selection": SelectionTable(particles=512, repeats=2)}, "evidence"),
-    "more draws": ({"selection": SelectionTable(particles=256, repeats=2, draws=40960)}, "evidence"),
+    "another rate": (
+        {"sensors": {"u": SensorTable(noise=0.05, rate=5.0)}},
+        "design estimate evidence selection screening",
+    ),
+    "other residuals": ({"estimation": EstimationTable(residuals="heavy")}, "estimate evidence selection"),
+    "more particles": ({"selection": SelectionTable(particles=512, repeats=2)}, "evidence selection"),
+    "more draws": ({"selection": SelectionTable(particles=256, repeats=2, draws=40960)}, "evidence selection"),
+    "another prior of structures": (
+        {"selection": SelectionTable(particles=256, repeats=2, structure_prior="multiplicity")},
+        "selection screening",
+    ),
     "a log-uniform thrust": (
         {"priors": {**by_hand().priors, "T_nabsn": LogUniform(2e-4, 12e-4)}},
-        "design estimate evidence screening",
+        "design estimate evidence selection screening",
     ),
     "another truth": ({"truth": {"X_uabsu": -2.9}}, ""),
 }

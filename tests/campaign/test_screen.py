@@ -1,12 +1,17 @@
+from dataclasses import replace
+from math import comb
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.schema import SelectionTable
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.selection.screening import can_be_screened, screen_terms, shortlist_of, with_shortlist
 from seatrial.core.errors import InputError
 from seatrial.messages.structures import screening_lines
+from seatrial.selection.screened import Screened
 from seatrial.vehicles.catalogue import load_surge
 from seatrial.vehicles.simulate import simulate
 from seatrial.vehicles.whole import whole_vehicle
@@ -104,6 +109,21 @@ def test_a_g_prior_by_file_is_the_closed_form(tmp_path, campaign, trials):
     assert np.abs(other["inclusion"] - beside).max() > 0.05
     with pytest.raises(InputError, match=r"(?s)structure.g.*greater than 0"):
         many(tmp_path / "none", g="\ng = 0")
+
+
+def test_a_screening_has_the_prior_of_the_campaign(tmp_path):
+    """Of seven terms in question one is always there by a rule: it counts."""
+    rules = ["always T_n"]
+    alike = many(tmp_path / "equal", rules)
+    sparse = replace(alike, selection=SelectionTable(structure_prior="multiplicity"))
+    trials = get_trials(alike)
+    found, equal = (screen_terms(one, trials).data for one in (sparse, alike))
+    optional = {"X_u", *EXTRA}
+    for data, weight in ((equal, lambda j: 1.0), (found, lambda j: 1 / comb(7, j))):
+        sizes = [len(optional.intersection(Screened(data).terms(rank))) for rank in range(data.sizes["model"])]
+        weights = np.exp(data["log_evidence"].values) * [weight(j) for j in sizes]
+        assert data["probability"].values / data["probability"].values[0] == pytest.approx(weights / weights[0])
+    assert found.attrs["count"] == equal.attrs["count"] == 64
 
 
 def test_mistakes_in_names_are_told_where_they_are(tmp_path):

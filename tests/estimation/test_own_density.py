@@ -109,6 +109,21 @@ def test_evidence_and_comparison(exact):
     assert any("the data support mean" in said for said in found.verdicts)
 
 
+def test_models_of_another_prior():
+    """Two of three differ from the first by one term of two, so each of them is half as probable before the data."""
+    flat = {name: st.Normal(0.0, 1.0) for name in ("mean", "a", "b")}
+    models = {
+        "none": st.posterior_of_density(lambda p: -0.5 * p["mean"] ** 2, {"mean": flat["mean"]}),
+        "a": st.posterior_of_density(lambda p: -0.5 * p["mean"] ** 2, {one: flat[one] for one in ("mean", "a")}),
+        "b": st.posterior_of_density(lambda p: -0.5 * p["mean"] ** 2, {one: flat[one] for one in ("mean", "b")}),
+    }
+    size = st.EvidenceSettings(2, st.SMCSettings(particles=64), 1024)
+    found = st.compare(models, settings=size, structure_prior="multiplicity")
+    assert found.probability == pytest.approx([0.5, 0.25, 0.25], abs=0.02)
+    with pytest.raises(st.InputError, match=r"structure_prior(.|\n)*use one of: equal, multiplicity"):
+        st.compare(models, structure_prior="uniform")
+
+
 def test_the_same_seed_gives_the_same_bits(posterior):
     small = st.ChainSettings(4, 100, 100)
     assert np.array_equal(*(st.sample(posterior, settings=small, key=7)["mean"] for _ in range(2)))

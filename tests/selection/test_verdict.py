@@ -1,13 +1,15 @@
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 import pytest
 from scipy.special import softmax
 
+from seatrial.selection.structure_prior import log_prior_by_size, log_priors
 from seatrial.selection.structures import Structure, all_structures, structure_rules
 from seatrial.selection.verdict import (
     DECIDED,
-    EDGES,
+    DECISIONS,
     Evidence,
     Shortlist,
     _doubt,
@@ -22,9 +24,9 @@ STRUCTURES = all_structures(structure_rules(["T_nabsn"], OPTIONAL))
 """Full, without X_u, without X_uabsu, neither."""
 
 
-def selection(logs, errors=(0.0,) * 4, status=("",) * 4):
+def selection(logs, errors=(0.0,) * 4, status=("",) * 4, structure_prior="equal"):
     evidences = [Evidence(z, e, "given", status=s) for z, e, s in zip(logs, errors, status, strict=True)]
-    return select(STRUCTURES, evidences, OPTIONAL)
+    return select(STRUCTURES, evidences, OPTIONAL, structure_prior=structure_prior)
 
 
 @pytest.mark.parametrize("shift", [0.0, 6951.0, -9e4])
@@ -34,6 +36,29 @@ def test_probabilities_are_the_softmax_of_the_log_evidences(shift):
     assert found.probability == pytest.approx(softmax(logs), abs=1e-10)
     assert found.inclusion == pytest.approx({"X_u": softmax(logs)[[0, 2]].sum(), "X_uabsu": softmax(logs)[:2].sum()})
     assert STRUCTURES[found.chosen].terms == ("T_nabsn", "X_uabsu")
+
+
+def test_by_multiplicity_every_number_of_terms_is_equally_probable():
+    """Of none, one and two terms 1/3 each; two structures share that of one."""
+    logs = np.array([-1.0, 0.5, 0.0, -3.0])
+    found = selection(logs, structure_prior="multiplicity")
+    weights = np.exp(logs) * [1 / 3, 1 / 6, 1 / 6, 1 / 3]
+    assert found.probability == pytest.approx(weights / weights.sum(), abs=1e-12)
+    assert found.inclusion["X_u"] == pytest.approx(found.probability[[0, 2]].sum())
+    assert (found.structure_prior, selection(logs).structure_prior) == ("multiplicity", "equal")
+
+
+@pytest.mark.parametrize("k", [1, 5, 22, 63])
+def test_the_prior_by_multiplicity_sums_to_the_same_for_every_number_of_terms(k):
+    shares = [comb(k, j) * np.exp(one) for j, one in enumerate(log_prior_by_size("multiplicity", k))]
+    assert shares == pytest.approx([1 / (k + 1)] * (k + 1))
+
+
+def test_a_shortlist_is_of_all_terms_in_question():
+    """One and three of five: 1/(6 * 5) and 1/(6 * 10); terms that are always there do not count."""
+    optional = ["X_u", "X_u3", "X_0", "T_n", "T_un"]
+    shortlist = [Structure("M-0", ("T_nabsn", "X_u")), Structure("M-1", ("T_nabsn", "X_u", "X_u3", "X_0"))]
+    assert np.exp(log_priors(shortlist, optional, "multiplicity")) == pytest.approx([1 / 30, 1 / 60])
 
 
 def test_hopeless_structures_have_no_probability():
@@ -133,14 +158,15 @@ def test_structures_that_a_screening_left_out_keep_their_probability():
     )
 
 
-def test_a_verdict_changes_where_the_evidence_is_wrong_by_what_is_needed():
+@pytest.mark.parametrize("structure_prior", ["equal", "multiplicity"])
+def test_a_verdict_changes_where_the_evidence_is_wrong_by_what_is_needed(structure_prior):
     """Each evidence is moved by a little less and a little more than is said, up and down."""
     logs = np.array([0.0, -2.0, 0.5, -6.0])
-    known = selection(logs)
+    known = selection(logs, structure_prior=structure_prior)
 
     def verdicts(moved):
-        one = selection(moved)
-        edges = [np.searchsorted(EDGES, p) for p in one.inclusion.values()]
+        one = selection(moved, structure_prior=structure_prior)
+        edges = [np.searchsorted(DECISIONS, p) for p in one.inclusion.values()]
         return [*edges, one.probability.max() >= DECIDED, one.chosen]
 
     for i, needed in enumerate(known.needed):

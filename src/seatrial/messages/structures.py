@@ -15,6 +15,11 @@ QUOTED = {
     "chosen": "those of the chosen model",
     "averaged": "averages over all models, because the data do not decide between them",
 }
+# How probable structures are before the data, by `Selection.structure_prior`.
+BEFORE_DATA = {
+    "equal": "before the data every structure is equally probable",
+    "multiplicity": "before the data every number of optional terms is equally probable",
+}
 # What helps where an evidence is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
 IF_RELIABLE = ", if the evidences were reliable"  # What a probability needs that depends on one

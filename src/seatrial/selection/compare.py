@@ -3,11 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
+from typing import get_args
 
 import jax
 import numpy as np
 
-from seatrial.core.argument_checks import check_kind, check_mapping
+from seatrial.core.argument_checks import check_choice, check_kind, check_mapping
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.reporter import Progress, check_progress, no_progress
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
@@ -18,6 +19,7 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.evidence import EvidenceSettings
 from seatrial.selection.further_modes import search_modes
 from seatrial.selection.log_evidence import EvidenceSchedule, Keys, find_own_mode, keys_of, run_schedule
+from seatrial.selection.structure_prior import StructurePrior
 from seatrial.selection.structures import Structure
 from seatrial.selection.verdict import Evidence, Selection, blunt_deciders, select, unchecked_deciders
 
@@ -29,8 +31,9 @@ def compare(
     key: jax.Array | int = 0,
     progress: Progress = no_progress,
     stated: StatedErrors = StatedErrors(),
+    structure_prior: StructurePrior = "equal",
 ) -> Selection:
-    """Compare posteriors of the same data by their evidences with every error, equally probable before.
+    """Compare posteriors of the same data by their evidences with every error.
 
     Args:
         posteriors: by label. A parameter that some have and others lack is a term in question.
@@ -38,6 +41,8 @@ def compare(
         key: random key, or a seed.
         progress: called with the evidences that are there, and how many there will be.
         stated: standard deviations of the inertia, of the scales of sensors and of the clock, which no residual shows.
+        structure_prior: how probable each is before the data: `equal`, or by `multiplicity` every number of terms in question alike, and
+            every set of so many. It is normalised over the posteriors that are given.
 
     Returns:
         the probability of each, that of each term in question, and both in words.
@@ -56,6 +61,7 @@ def compare(
             expected="two at least",
             remedy="use `log_evidence` for one alone",
         )
+    check_choice(structure_prior, get_args(StructurePrior), "structure_prior")
     check_progress(progress)
     _check_same_data(posteriors)
     structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
@@ -72,13 +78,15 @@ def compare(
             run_schedule(own_posteriors[place], schedules[place], keys[place], settings)
             progress(place + 1, len(posteriors))
 
-    return select(structures, decide(structures, schedules, optional, gains, settings.repeats, run), optional)
+    evidences = decide(structures, schedules, optional, structure_prior, gains, settings.repeats, run)
+    return select(structures, evidences, optional, structure_prior=structure_prior)
 
 
 def decide(
     structures: Sequence[Structure],
     schedules: Sequence[EvidenceSchedule],
     optional: Sequence[str],
+    structure_prior: StructurePrior,
     gains: Sequence[float] | None,
     repeats: int,
     run: Callable[[Sequence[int]], None],
@@ -92,6 +100,7 @@ def decide(
         structures: candidates.
         schedules: of their evidences, none begun, with the modes that are known.
         optional: terms that are in question.
+        structure_prior: how probable structures are before the data.
         gains: of each evidence with every error, nats; None where they are not known.
         repeats: of a check.
         run: does all tasks that the schedules of some candidates, by place, ask for.
@@ -108,8 +117,8 @@ def decide(
     run(range(len(schedules)))
     if len(structures) > 1:
         check([place for place, one in enumerate(schedules) if one.is_doubtful])
-        check(unchecked_deciders(structures, evidences(), optional))
-        blunt = blunt_deciders(structures, evidences(), optional)
+        check(unchecked_deciders(structures, evidences(), optional, structure_prior))
+        blunt = blunt_deciders(structures, evidences(), optional, structure_prior)
         run([place for place in blunt if schedules[place].sharpen()])
     return evidences()
 

@@ -1,4 +1,4 @@
-"""Rules over structures as bit masks: which structures they allow, how many these are, and their prior probability in all.
+"""Rules over structures as bit masks: which structures they allow, and how many these are.
 
 A structure is an integer S whose bit i says that term i is there. It is allowed if
 

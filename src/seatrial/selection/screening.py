@@ -134,6 +134,7 @@ def screen(
     key: jax.Array,
     narrowest: float = 1.0,
     g: float | Literal["rows"] | None = None,
+    log_prior: Float[np.ndarray, " k1"] | None = None,
 ) -> Screening:
     """Screen every structure of one or several axes.
 
@@ -146,6 +147,7 @@ def screen(
         key: random key of the simulated repetitions.
         narrowest: width of the first windows, s.
         g: of a g-prior about zero in place of `prior`; "rows" for as many as the rows are worth, the information of one of them.
+        log_prior: as of `all_subsets`.
 
     Raises:
         InputError: rows that cannot tell the terms apart.
@@ -158,7 +160,7 @@ def screen(
     one_row = unit_information(stats, 1.0)
     stated = physical_prior(sds, 1.0, mean=means)
     believed = stated if g is None else one_row if g == "rows" else replace(one_row, g=g)
-    options = {"always": rules.always, "rules": rules.masks}
+    options = {"always": rules.always, "rules": rules.masks, "log_prior": log_prior}
     return Screening(
         rules,
         rows,
@@ -209,7 +211,11 @@ class ModeScreening:
 
 
 def screen_about_mode(
-    posterior: Posterior, mode: Mode, rules: CompiledRules, g: float | Literal["rows"] | None = None
+    posterior: Posterior,
+    mode: Mode,
+    rules: CompiledRules,
+    g: float | Literal["rows"] | None = None,
+    log_prior: Float[np.ndarray, " k1"] | None = None,
 ) -> ModeScreening:
     """Screen every structure of a vehicle about the mode of all terms.
 
@@ -218,6 +224,7 @@ def screen_about_mode(
         mode: of that posterior.
         rules: compiled for exactly its terms.
         g: of a g-prior about zero in place of the posterior's priors; "rows" for as many as there are measurements.
+        log_prior: as of `all_subsets`.
 
     Raises:
         InputError: data that cannot tell the terms apart.
@@ -230,7 +237,7 @@ def screen_about_mode(
     one_row = unit_information(stats, 1.0, **known)
     stated = physical_prior(sds, 1.0, mean=means, **known)
     believed = stated if g is None else one_row if g == "rows" else replace(one_row, g=g)
-    options = {"always": rules.always, "rules": rules.masks}
+    options = {"always": rules.always, "rules": rules.masks, "log_prior": log_prior}
     return ModeScreening(
         subset_posterior(stats, believed, names, **options),
         sensitivity(stats, believed, names, PRIOR_SCALES, **options),

@@ -13,6 +13,7 @@ from seatrial.core.findings import Finding
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.serialise import AS_LIST, from_plain
 from seatrial.estimation.diagnostics.known import ErrorShares
+from seatrial.selection.structure_prior import StructurePrior, log_priors
 from seatrial.selection.structures import Structure
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ class Selection:
     Attributes:
         structures: candidates.
         evidences: one for each.
-        probability: posterior probability of each structure, equal prior probabilities; their sum is less than 1 by `outside`.
+        probability: posterior probability of each structure; their sum is less than 1 by `outside`.
         probability_error: its Monte Carlo standard error.
         inclusion: posterior probability of each optional term, over all structures.
         inclusion_error: its Monte Carlo standard error.
@@ -154,6 +155,7 @@ class Selection:
         verdicts: one sentence for each question.
         alarms: evidences that are not to be trusted and on which a verdict depends.
         outside: probability of all structures that a screening left out and that were not simulated.
+        structure_prior: how probable structures are before the data, `equal` or `multiplicity`.
     """
 
     structures: tuple[Structure, ...]
@@ -166,6 +168,7 @@ class Selection:
     verdicts: tuple[str, ...]
     alarms: tuple[str, ...]
     outside: float = 0.0
+    structure_prior: StructurePrior = "equal"
 
     @property
     def rows(self) -> tuple[StructureRow, ...]:
@@ -191,7 +194,7 @@ class Selection:
     @property
     def needed(self) -> list[float]:
         """By how much each evidence has to be wrong for a decision to change, nats; infinite where none would."""
-        return _least(_needed(self.structures, self.evidences, [*self.inclusion]))
+        return _least(_needed(self.structures, self.evidences, [*self.inclusion], self.structure_prior))
 
     @property
     def undecided(self) -> dict[str, float]:
@@ -206,6 +209,7 @@ class Selection:
     @property
     def cautions(self) -> list[Finding]:
         """Which decisions change within what a check does not resolve, and which parameters lie at a bound of their prior."""
+        blunt = blunt_deciders(self.structures, self.evidences, [*self.inclusion], self.structure_prior)
         findings = [
             Finding(
                 "evidence-check-blunt",
@@ -218,7 +222,7 @@ class Selection:
                 },
                 ("sharpen-evidence",),
             )
-            for index, terms in blunt_deciders(self.structures, self.evidences, [*self.inclusion]).items()
+            for index, terms in blunt.items()
         ]
         at_bounds = [
             (from_plain(Finding, one), structure.label)
@@ -322,8 +326,9 @@ def select(
     evidences: Sequence[Evidence],
     optional: Sequence[str],
     shortlist: Shortlist | None = None,
+    structure_prior: StructurePrior = "equal",
 ) -> Selection:
-    """Compare structures of equal prior probability.
+    """Compare structures by their evidences and their prior, which is normalised over the structures that are compared.
 
     Monte Carlo errors are propagated to first order: d P_i = P_i (d log Z_i - sum_j P_j d log Z_j). Structures that a screening left out
     keep the probability that it gives them; those that are simulated share the rest.
@@ -332,9 +337,10 @@ def select(
         structures: candidates.
         evidences: one for each.
         optional: terms that are in question.
-        shortlist: where the candidates are what a screening left: its probabilities.
+        shortlist: where the candidates are what a screening left: its probabilities, under the same prior.
+        structure_prior: how probable structures are before the data: `equal`, or by `multiplicity` every number of terms alike.
     """
-    logs = np.array([evidence.weighed for evidence in evidences])
+    logs = _log_weights(structures, evidences, optional, structure_prior)
     errors = np.array([evidence.std_error for evidence in evidences])
     weights = np.exp(logs - logs.max())
     share = min(1.0, float(np.sum(shortlist.probability))) if shortlist else 1.0
@@ -360,6 +366,7 @@ def select(
         (),
         (),
         1.0 - share,
+        structure_prior,
     )
     verdicts = [
         term_verdict(term, inclusion[term], inclusion_error[term], selection.reached(term)) for term in optional
@@ -370,7 +377,7 @@ def select(
             f"{len(structures)} structures were simulated; the others have a probability of {1.0 - share:.2f} by the screening, which "
             "the probabilities of the terms include; raise structure.shortlist to simulate more"
         )
-    verdicts_need = _least(_needed(structures, evidences, optional, EDGES))
+    verdicts_need = _least(_needed(structures, evidences, optional, structure_prior, EDGES))
     alarms = tuple(
         f"the evidence of {structure.label} is not reliable: {evidence.status}; a verdict changes if it is wrong by {needed:.2g} nat"
         for structure, evidence, doubt, needed in zip(structures, evidences, doubts, verdicts_need, strict=True)
@@ -380,15 +387,21 @@ def select(
 
 
 def unchecked_deciders(
-    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+    structures: Sequence[Structure],
+    evidences: Sequence[Evidence],
+    optional: Sequence[str],
+    structure_prior: StructurePrior,
 ) -> list[int]:
     """Return the structures on whose evidence a decision depends, and which no second method has checked; arguments as `blunt_deciders`."""
-    needed = _least(_needed(structures, evidences, optional))
+    needed = _least(_needed(structures, evidences, optional, structure_prior))
     return [i for i, one in enumerate(evidences) if needed[i] <= MAX_UNCHECKED and len(one.diagnostics["methods"]) < 2]
 
 
 def blunt_deciders(
-    structures: Sequence[Structure], evidences: Sequence[Evidence], optional: Sequence[str]
+    structures: Sequence[Structure],
+    evidences: Sequence[Evidence],
+    optional: Sequence[str],
+    structure_prior: StructurePrior,
 ) -> dict[int, dict[str, float]]:
     """Return the structures on which a decision depends within what the check of their evidence does not resolve.
 
@@ -396,13 +409,15 @@ def blunt_deciders(
         structures: candidates.
         evidences: one for each.
         optional: terms that are in question.
+        structure_prior: as of `select`.
 
     Returns:
         of each such structure, by place, the terms and by how much the evidence has to be wrong for them, nats.
     """
+    needed = _needed(structures, evidences, optional, structure_prior)
     blunt = {
         index: {term: nats for term, nats in own.items() if term and nats <= (evidence.resolution or 0.0)}
-        for index, (own, evidence) in enumerate(zip(_needed(structures, evidences, optional), evidences, strict=True))
+        for index, (own, evidence) in enumerate(zip(needed, evidences, strict=True))
     }
     return {index: terms for index, terms in blunt.items() if terms}
 
@@ -415,6 +430,7 @@ def _needed(
     structures: Sequence[Structure],
     evidences: Sequence[Evidence],
     optional: Sequence[str],
+    structure_prior: StructurePrior,
     edges_of_term: Sequence[float] = DECISIONS,
 ) -> list[dict[str, float]]:
     """Return by how much each evidence has to be wrong for the verdict on a term to change, nats, by the terms where one would; and
@@ -423,7 +439,7 @@ def _needed(
     With x = P_i exp(shift), the probability of a term of members m is (a + m_i x) / (1 - P_i + x), a that of its other members: an edge
     is reached at x = (edge (1 - P_i) - a) / (m_i - edge).
     """
-    logs = np.array([evidence.weighed for evidence in evidences])
+    logs = _log_weights(structures, evidences, optional, structure_prior)
     probability = np.exp(logs - np.logaddexp.reduce(logs))
     has = {term: np.array([term in one.terms for one in structures], float) for term in optional}
     has |= {"": np.eye(logs.size)[int(np.argmax(logs))]}
@@ -438,6 +454,16 @@ def _needed(
                 own[term] = float(np.abs(np.log(x[x > 0.0] / p)).min())
         result.append(own)
     return result
+
+
+def _log_weights(
+    structures: Sequence[Structure],
+    evidences: Sequence[Evidence],
+    optional: Sequence[str],
+    structure_prior: StructurePrior,
+) -> Float[np.ndarray, " m"]:
+    """Return the log of prior times evidence of each structure, nats, but for a constant."""
+    return np.array([one.weighed for one in evidences]) + log_priors(structures, optional, structure_prior)
 
 
 def averaged(

@@ -51,7 +51,7 @@ def naive_fit(prior, phi, y, chosen):
     return mean + gain @ left, spread / (2 * prior.shape + y.size - 2) * (cov - gain @ part @ cov)
 
 
-def naive_all(prior, phi, y, always=(), allowed=lambda there: True):
+def naive_all(prior, phi, y, always=(), allowed=lambda there: True, log_prior=lambda there: 0.0):
     """Every structure with its evidence and probability, and averages over them, by the definitions."""
     k = phi.shape[1]
     logs, rows, means, covs = {}, [], [], []
@@ -68,7 +68,7 @@ def naive_all(prior, phi, y, always=(), allowed=lambda there: True):
         means.append(mean)
         covs.append(cov)
     log_evidence = np.array(list(logs.values()))
-    weight = np.exp(log_evidence - log_evidence.max())
+    weight = np.exp(log_evidence - log_evidence.max() + [log_prior(there) for there in rows])
     weight /= weight.sum()
     there, means, covs = np.array(rows, float), np.array(means), np.array(covs)
     mean = weight @ means

@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
+from scipy.special import betaln
 
 import seatrial.selection.subsets.all_subsets as engine
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.selection.rule_masks import RuleMasks
 from seatrial.selection.screening import sensitivity
+from seatrial.selection.structure_prior import log_prior_by_size
 from seatrial.selection.subsets.all_subsets import all_subsets
-from seatrial.selection.subsets.conjugate import GPrior, evidence_of, unit_information
+from seatrial.selection.subsets.conjugate import GPrior, evidence_of, physical_prior, unit_information
 from seatrial.selection.subsets.gram import gram
 from tests.selection.subsets.naive import NAMES, agree, naive_all, problem, some_prior
 
@@ -39,6 +41,43 @@ def test_prefixes_and_certain_terms(prior):
     for always in ((), (2,), (1, 6)):
         found = all_subsets(stats, prior, NAMES[:8], always=[NAMES[i] for i in always])
         agree(found, naive_all(prior, phi, y, always))
+
+
+@pytest.mark.usefixtures("small_blocks")
+@pytest.mark.parametrize("always", [(), (1, 6)], ids=str)
+def test_structures_of_another_prior_against_the_naive_twin(always):
+    """Their log evidences are without it; the third term requires the first two."""
+    phi, y, stats = problem(8, strength=0.1)
+    k = 8 - len(always)
+    prior, rules = some_prior(8), RuleMasks(parents=(0, 0, 0b11))
+    options = {"always": [NAMES[i] for i in always], "rules": rules}
+    found = all_subsets(stats, prior, NAMES[:8], log_prior=log_prior_by_size("multiplicity", k), **options)
+
+    def log_prior(there):
+        return betaln(there.sum() - len(always) + 1, 8 - there.sum() + 1)
+
+    agree(found, naive_all(prior, phi, y, always, lambda there: not there[2] or there[:2].all(), log_prior))
+    equal = all_subsets(stats, prior, NAMES[:8], log_prior=log_prior_by_size("equal", k), **options)
+    np.testing.assert_array_equal(equal.joint, all_subsets(stats, prior, NAMES[:8], **options).joint)
+    assert np.abs(equal.inclusion - found.inclusion).max() > 0.01
+
+
+@pytest.mark.parametrize("by", ["equal", "multiplicity"])
+def test_where_the_data_say_nothing_the_prior_stays(by):
+    """Of 22 terms: the mean number and the mean square of a binomial, or of a uniform number."""
+    k = 22
+    stats = gram(1e-9 * problem(k)[0], np.random.default_rng(1).normal(size=40))
+    names = tuple(f"t{i}" for i in range(k))
+    found = all_subsets(stats, physical_prior(np.full(k, 1e-9), 1.0), names, log_prior=log_prior_by_size(by, k))
+    square = 11**2 + {"equal": k / 4, "multiplicity": k * (k + 2) / 12}[by]
+    assert found.inclusion.sum() == pytest.approx(11)
+    assert found.joint.sum() == pytest.approx(square)
+
+
+def test_a_prior_for_another_number_of_terms_is_refused():
+    _, _, stats = problem(4)
+    with pytest.raises(InputError, match=r'log_prior_by_size\("multiplicity", 3\)'):
+        all_subsets(stats, some_prior(4), NAMES[:4], always=["a"], log_prior=np.zeros(5))
 
 
 def test_threads_change_nothing():

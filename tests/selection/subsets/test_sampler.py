@@ -8,6 +8,7 @@ import pytest
 
 from seatrial.core.errors import InputError
 from seatrial.selection.rule_masks import RuleMasks, _bit_numbers, count_allowed
+from seatrial.selection.structure_prior import log_prior_by_size
 from seatrial.selection.subsets import sampler, structure_chains
 from seatrial.selection.subsets.all_subsets import all_subsets
 from seatrial.selection.subsets.conjugate import GPrior, physical_prior
@@ -56,8 +57,10 @@ def agrees(found, exact, share_of_covered=1.0):
         (GPrior(40.0, 2.0, 0.7), {"always": ["c", "e"]}),
         (some_prior(10, 0.3 / np.geomspace(0.1, 10, 10)), {"rules": RULES}),
         (some_prior(10), {"rules": RULES, "always": ["f"]}),
+        (some_prior(10), {"log_prior": log_prior_by_size("multiplicity", 10)}),
+        (some_prior(10), {"rules": RULES, "always": ["f"], "log_prior": log_prior_by_size("multiplicity", 9)}),
     ],
-    ids=["free", "g-prior", "rules", "rules, certain term"],
+    ids=["free", "g-prior", "rules", "rules, certain term", "multiplicity", "multiplicity, rules, certain term"],
 )
 def test_against_all_structures(prior, options):
     stats = problem(10)[2]

@@ -45,6 +45,7 @@ from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structure_prior import log_priors
 from seatrial.selection.structures import MAX_STRUCTURES, Structure, all_structures, count_structures
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.model import VehicleModel
@@ -75,7 +76,7 @@ class Campaign:
         imports: runs and their logs; None where trials are simulated, or none has been run.
         process_noise: standard deviation that a state or coefficient gains in one second, SI; 0 where nothing is said.
         estimation: likelihood and chains.
-        selection: effort behind each evidence.
+        selection: prior of the structures, and effort behind each evidence.
         compute: where work is done.
         accepted: codes of findings that are right but known.
         priors_from: folders of earlier campaigns, of which priors and fixed coefficients are.
@@ -156,6 +157,10 @@ class Campaign:
         """Candidate structures, those of most terms first."""
         with located(self.where("structure")):
             return self.shortlist or all_structures(self.rules)
+
+    def log_prior(self, structure: Structure) -> float:
+        """Log prior of one candidate, nats, but for a constant."""
+        return float(log_priors([structure], self.structure.optional, self.selection.structure_prior)[0])
 
     @property
     def hull(self) -> Hull:

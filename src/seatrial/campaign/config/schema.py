@@ -30,6 +30,7 @@ from seatrial.campaign.config.sensor_table import MountTable, SensorTable
 from seatrial.campaign.config.vehicle_table import VehicleTable
 from seatrial.sampling.names import DEFAULT, SamplerName
 from seatrial.selection.rules import CompiledRules
+from seatrial.selection.structure_prior import StructurePrior
 from seatrial.selection.structures import MAX_STRUCTURES, structure_rules
 
 StatedShare = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["exact"]
@@ -256,10 +257,17 @@ class EstimationTable(Table):
 
 
 class SelectionTable(Table):
-    """`[selection]`: size of the method that computes each evidence, and of the one that checks it if a decision depends on it.
+    """`[selection]`: prior of the structures, size of the method that computes each evidence, and of the one that checks it if a decision
+    depends on it.
 
     If a verdict asks for more particles, repeats or draws, raise these.
     """
+
+    structure_prior: StructurePrior = Field(
+        default="equal",
+        description="what is equally probable before the data: every structure, or with `multiplicity` every number of optional terms: "
+        "[which prior?](../how-to/structures.md#many-optional-terms)",
+    )
 
     particles: int | None = Field(
         default=None,

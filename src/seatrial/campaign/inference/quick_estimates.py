@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
+from math import inf
 
 import jax
 import numpy as np
@@ -96,6 +97,7 @@ class FirstAnswer:
         cautions: what is wrong with it.
         held_back: how it predicts what was not fitted; None where nothing is predicted.
         log_evidence: of the structure, by Laplace; None where there is none.
+        log_prior: of the structure, but for a constant.
         shares: what each standard deviation is made of, by name; none where it is the noise alone.
         causes: what adds most to those that are not mostly noise, in words.
         contains: what the standard deviations contain, and how to reduce what adds most.
@@ -112,12 +114,18 @@ class FirstAnswer:
     cautions: tuple[Message, ...] = ()
     held_back: HeldBack | None = None
     log_evidence: float | None = None
+    log_prior: float = 0.0
     shares: Mapping[str, ErrorShares] = field(default_factory=dict)
     causes: Mapping[str, str] = field(default_factory=dict)
     contains: tuple[str, ...] = ()
     drawn: "NormalPosterior | None" = None
     symmetry: tuple[str, ...] = ()
     shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+
+    @property
+    def log_weight(self) -> float:
+        """Log of prior times evidence of the structure, nats, but for a constant; -inf where there is no evidence."""
+        return -inf if self.log_evidence is None else self.log_evidence + self.log_prior
 
     @property
     def state(self) -> str:
@@ -165,7 +173,7 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     study = Study(campaign, trials.fit)
     known = structure_modes(study, trials, reporter)
     modes = {one: known.highest(one) for one in campaign.structures}
-    there = {one: mode.log_evidence for one, mode in modes.items() if isinstance(mode, Mode)}
+    there = {one: mode.log_evidence + campaign.log_prior(one) for one, mode in modes.items() if isinstance(mode, Mode)}
     probable = sorted(there, key=lambda one: -there[one])[:MOST_BUDGETS]
     return run_side_by_side(
         [partial(_answer, study, one, trials, modes[one], one in probable) for one in campaign.structures]
@@ -178,10 +186,10 @@ def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:
     Raises:
         NumericalError: no structure has a mode.
     """
-    there = [one for one in found if one.log_evidence is not None]
-    if not there:
+    best = max(found, key=lambda one: one.log_weight)
+    if best.log_evidence is None:
         raise NumericalError("; ".join(one.alarm for one in found))
-    return max(there, key=lambda one: one.log_evidence or 0.0)
+    return best
 
 
 def keep_mode(campaign: Campaign, trials: Trials, best: FirstAnswer) -> None:
@@ -257,6 +265,7 @@ def _answer(
         cautions=_of_structure(structure, cautions),
         held_back=held_back,
         log_evidence=float(mode.log_evidence),
+        log_prior=campaign.log_prior(structure),
         shares={name: budget.shares_of(name) for name in mode.names} if budget else {},
         causes=causes_of(budget, within) if budget else {},
         contains=(contents_text(budget, stated), *map(sentence, findings_of(posterior, budget)))

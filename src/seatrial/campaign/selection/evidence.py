@@ -14,9 +14,9 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.model_error import stated_errors
 from seatrial.campaign.inference.modes import all_modes
 from seatrial.campaign.inference.posterior import widest
-from seatrial.campaign.selection.screening import shortlist_of
+from seatrial.campaign.selection.screening import names_prior, shortlist_of
 from seatrial.campaign.store.estimates import HasKey
-from seatrial.campaign.store.stored_result import Store, StoredResult, key_of, load_checkpoint, save_checkpoint
+from seatrial.campaign.store.stored_result import Store, StoredResult, as_json, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.random_keys import random_key
 from seatrial.core.argument_checks import check_kind
 from seatrial.core.reporter import SILENT, Progress, Reporter
@@ -61,7 +61,8 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
 
     def compute() -> Selection:
         evidences, shortlist = _evidences(campaign, trials, reporter), shortlist_of(campaign, trials)
-        return select(campaign.structures, evidences, campaign.structure.optional, shortlist)
+        optional, prior = campaign.structure.optional, campaign.selection.structure_prior
+        return select(campaign.structures, evidences, optional, shortlist, prior)
 
     selection = stored_selection(campaign, trials).read_or_make(compute)
     # Also where it was there already: a kill may have come between writing it and this.
@@ -77,19 +78,20 @@ def current_selection(campaign: Campaign, trials: Trials) -> Selection | None:
 
 
 def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> str:
-    """Key of one structure's evidence."""
+    """Key of one structure's evidence, which does not depend on the prior of the structures."""
     name = (
         "evidence about all modes, checked as sharply as it decides with every error"
         if len(campaign.structures) > 1
         else "evidence about all modes"
     )
-    return key_of(name, estimate_key(campaign, structure, trials), campaign.selection)
+    effort = {key: value for key, value in as_json(campaign.selection).items() if key != "structure_prior"}
+    return key_of(name, estimate_key(campaign, structure, trials), effort)
 
 
 def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[Selection]:
     """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    path, key = Store(campaign.folder).selection, key_of("selection with every error", keys)
+    path, key = Store(campaign.folder).selection, key_of("selection with every error" + names_prior(campaign), keys)
     return StoredResult(path, key, Selection, f"seatrial select {campaign.folder}")
 
 
@@ -136,7 +138,8 @@ def _evidences(campaign: Campaign, trials: Trials, reporter: Reporter) -> list[E
         posteriors = [study.posterior(one) for one in campaign.structures]
         gains = log_evidence_gains(posteriors, modes, stated_errors(campaign.estimation))
     schedules = [one.schedule for one in stored]
-    return decide(campaign.structures, schedules, campaign.structure.optional, gains, campaign.selection.repeats, run)
+    optional, table = campaign.structure.optional, campaign.selection
+    return decide(campaign.structures, schedules, optional, table.structure_prior, gains, table.repeats, run)
 
 
 def _compute(study: Study, part: _StructureTask, report: Progress) -> EvidenceRun | MethodResult:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.schema import StructureTable
@@ -20,6 +21,7 @@ from seatrial.estimation.regression.row_fit import delayed, likely_delay
 from seatrial.estimation.regression.weak_form import MIN_WINDOW_STEPS, where_measured
 from seatrial.selection.screened import Screened
 from seatrial.selection.screening import ModeScreening, Screening, TermPrior, screen, screen_about_mode
+from seatrial.selection.structure_prior import log_prior_by_size
 from seatrial.selection.structures import count_structures, label_structures
 from seatrial.selection.verdict import Shortlist
 
@@ -28,10 +30,17 @@ _LAYOUT = "with prior and delay"  # What a stored screening has that an older on
 KEPT = 50  # Structures that are kept, most probable first
 
 
+def names_prior(campaign: Campaign) -> str:
+    """Return what the key of a result has for a prior of the structures that is not the usual one."""
+    prior = campaign.selection.structure_prior
+    return "" if prior == "equal" else f", prior of structures by {prior}"
+
+
 def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:
     """Return where the screening is kept, and what it depends on."""
+    layout = _LAYOUT + names_prior(campaign)
     believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.mounts, campaign.priors
-    path, key = Store(campaign.folder).screening, key_of("screening", _LAYOUT, trials.key, believed, campaign.seed)
+    path, key = Store(campaign.folder).screening, key_of("screening", layout, trials.key, believed, campaign.seed)
     return StoredResult(path, key, Screened, f"seatrial select {campaign.folder}")
 
 
@@ -129,7 +138,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         delay = likely_delay(records, equations, narrowest, *campaign.prior("delay").bounds)
         records = [delayed(record, delay) for record in records]
     key, g = random_key(campaign.seed, "screening"), campaign.structure.g
-    screening = screen(equations, campaign.rules, records, noise, believed, key, narrowest, g)
+    screening = screen(equations, campaign.rules, records, noise, believed, key, narrowest, g, _log_prior(campaign))
     columns = [screening.rows.names.index(name) for name in screening.posterior.names]
     by_term = {
         "fit": screening.fit.values[columns],
@@ -151,7 +160,7 @@ def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
     """Screen a vehicle whose axes are coupled, about the mode of all terms; noise is in the sensors alone there."""
     posterior = build_posterior(campaign, campaign.full, trials.fit)
     mode = find_mode(posterior, key=random_key(campaign.seed, "screening"))
-    screening = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g)
+    screening = screen_about_mode(posterior, mode, campaign.rules, campaign.structure.g, _log_prior(campaign))
     nothing = np.zeros(screening.values.size)
     by_term = {"fit": screening.values, "fit_sd": screening.sd, "bias": nothing, "bias_error": nothing}
     attributes = {
@@ -161,6 +170,14 @@ def _screen_about_mode(campaign: Campaign, trials: Trials) -> Dataset:
         "left_out": "",
     }
     return _dataset(campaign.structure, screening, by_term, {**attributes, "r2": np.nan})
+
+
+def _log_prior(campaign: Campaign) -> Float[np.ndarray, " k1"]:
+    """Return the log prior of a structure by the number of terms that the rules leave optional; those they force count as there."""
+    optional, rules = campaign.structure.optional, campaign.rules
+    forced = len(set(optional).intersection(rules.always))
+    whole = log_prior_by_size(campaign.selection.structure_prior, len(optional))
+    return whole[forced : forced + len(rules.optional) + 1]
 
 
 def _dataset(

@@ -1,7 +1,6 @@
 """What the records say: coefficients, how well each is known, and the terms they support."""
 
 from enum import StrEnum
-from math import inf
 from typing import Annotated, Any
 
 import typer
@@ -84,7 +83,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
         from seatrial.campaign.workflow.whole_run import timed
-        from seatrial.messages.structures import agreement_words, contenders_lines, screening_lines
+        from seatrial.messages.structures import BEFORE_DATA, agreement_words, contenders_lines, screening_lines
         from seatrial.report.figure_files import write_select_picture
 
         flow = Workflow(campaign, reporter)
@@ -103,6 +102,8 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.say(
                 "probabilities are of the evidences with every error: averaged over the errors that a ± contains, also slow noise"
             )
+        if len(selection.rows) > 1:
+            answer.say(BEFORE_DATA[selection.structure_prior])
         for verdict in selection.verdicts:
             answer.say(verdict)
         answer.give_result(selection)
@@ -197,9 +198,11 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> E
             words = [item.contains, *map(sentence, item.cause_findings)]
             structures.append({"estimate": item, "contains": words, "known": known, "held_back": held_back[-1].fits})
             in_full.append("\n".join([item.structure.label, *_lines_of(campaign, item, words, held_back[-1], known)]))
+    candidates = flow.get("candidates")
+    weights = [item.log_evidence_laplace + candidates.log_prior(item.structure) for item in estimates]
     rows = [
-        (one["estimate"].structure, one["estimate"].log_evidence_laplace, _state(one["estimate"], one["known"]))
-        for one in structures
+        (item.structure, item.log_evidence_laplace, weight, _state(item, one["known"]))
+        for item, weight, one in zip(estimates, weights, structures, strict=True)
     ]
     _say_structures(answer, in_full, rows, verbose)
     exact = taken_as_exact(campaign)
@@ -208,9 +211,8 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> E
     answer.give(by=By.CHAINS, structures=structures, taken_as_exact=exact)
     answer.wrote("coefficients", write_coefficients(campaign.folder, estimates, campaign.shown))
     alarms = [f"{item.structure.label}: {text}" for item in estimates for text in item.alarms]
-    evidences = [item.log_evidence_laplace for item in estimates]
     labels = [item.structure.label for item in estimates]
-    unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, evidences, held_back)
+    unseen, doubts = _judge_unseen(answer, flow.get("baselines"), labels, weights, held_back)
     doubts += held_back_cautions(campaign.imports, trials)
     doubts += [f"{item.structure.label}: {text}" for item in estimates[1:] for text in item.at_bounds]
     return answer.finish(alarms + unseen, [*doubts, *(text for text in estimates[0].cautions if text not in verdicts)])
@@ -245,22 +247,21 @@ def _state(item: Any, known: Any) -> str:
 
 
 def _say_structures(
-    answer: Answer, in_full: list[str], rows: list[tuple[Any, float | None, str]], verbose: bool
+    answer: Answer, in_full: list[str], rows: list[tuple[Any, float | None, float, str]], verbose: bool
 ) -> None:
     """Print the most probable structure in full and a line about each other one.
 
     Args:
         answer: prints.
         in_full: each structure; its first line begins with its label.
-        rows: each structure, its log evidence by Laplace, None if it has none, and its state.
+        rows: each structure, its log evidence by Laplace, None if it has none, that with its log prior, and its state.
         verbose: whether all are printed in full.
     """
     from seatrial.core.result_table import aligned
     from seatrial.messages.structures import change_words
 
-    evidences = [-inf if value is None else value for _, value, _ in rows]
-    best, *others = sorted(range(len(rows)), key=evidences.__getitem__, reverse=True)
-    (structure, highest, _), terms = rows[best], rows[best][0].terms
+    best, *others = sorted(range(len(rows)), key=lambda at: rows[at][2], reverse=True)
+    (structure, highest, *_), terms = rows[best], rows[best][0].terms
     if verbose or highest is None or not others:
         answer.say("\n".join(in_full))
         return
@@ -269,7 +270,7 @@ def _say_structures(
     answer.say(f"{structure.label}, {words}: {' '.join(terms)}\n{more}")
     lines = [
         (one.label, change_words(terms, one.terms), "" if value is None else f"{highest - value:.1f} nats", state)
-        for one, value, state in (rows[at] for at in others[:MAX_LINES])
+        for one, value, _, state in (rows[at] for at in others[:MAX_LINES])
     ]
     left = len(others) - MAX_LINES
     answer.say("the other structures, how much less log evidence they have, and their state:")
@@ -305,7 +306,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
     flow = Workflow(campaign, reporter)
     trials, campaign = _checked_trials(campaign, flow, answer), flow.get("candidates")
     answers = posterior_modes(campaign, trials, reporter) if by is By.MODE else regressions(campaign, trials, window)
-    rows = [(one.structure, one.log_evidence, one.state) for one in answers]
+    rows = [(one.structure, one.log_evidence, one.log_weight, one.state) for one in answers]
     _say_structures(answer, ["\n".join(one.lines()) for one in answers], rows, verbose)
     exact = taken_as_exact(campaign)
     answer.give(by=by, first_answers=[_first_answer(one) for one in answers if not one.alarm], taken_as_exact=exact)
@@ -320,7 +321,7 @@ def _first_answers(campaign: Any, reporter: Any, answer: Answer, by: By, window:
         answer,
         flow.get("baselines") if tested else None,
         [one.structure.label for one in tested],
-        [one.log_evidence for one in tested],
+        [one.log_weight for one in tested],
         [one.held_back for one in tested],
     )
     doubts += held_back_cautions(campaign.imports, trials) if by is By.MODE else []
@@ -356,7 +357,7 @@ def _first_answer(one: Any) -> dict[str, Any]:
 
 
 def _judge_unseen(
-    answer: Answer, baselines: Any, labels: list[str], evidences: list[Any], held_back: list[Any]
+    answer: Answer, baselines: Any, labels: list[str], weights: list[float], held_back: list[Any]
 ) -> tuple[list[Any], list[str]]:
     """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
     from seatrial.campaign.inference.baselines import (
@@ -369,7 +370,7 @@ def _judge_unseen(
 
     if not labels:
         return [], []
-    best = max(range(len(labels)), key=lambda index: evidences[index])
+    best = max(range(len(labels)), key=weights.__getitem__)
     which = labels[best] if len(labels) == 1 else f"{labels[best]}, the most probable"
     compared = compare_with_baselines(baselines, held_back[best].curves)
     lines = comparison_lines(baselines, compared)

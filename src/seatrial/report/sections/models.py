@@ -8,7 +8,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.estimation.regression.row_fit import SCREENING
 from seatrial.messages.cross_validation import complaints, disagreement, headline, heads, new_lines, rows
-from seatrial.messages.structures import agreement_counts, difference_words, trial_words
+from seatrial.messages.structures import BEFORE_DATA, agreement_counts, difference_words, trial_words
 from seatrial.report.drawing import (
     digits_of,
     draw,
@@ -40,6 +40,8 @@ def models_section(outcome: Outcome) -> dict[str, Any]:
     return {
         "sound": not any(row["status"] for row in rows),
         "agreement": agreement_counts([one.label for one in selection.structures], selection.evidences),
+        "before": sentence_of(outcome, BEFORE_DATA[selection.structure_prior]),
+        "alike": selection.structure_prior == "equal",
         "rows": rows[:MAX_MODELS],
         "more": rows[MAX_MODELS:],
         "always": [label_html(labels_of(outcome).get(term, term)) for term in outcome.campaign.structure.always],

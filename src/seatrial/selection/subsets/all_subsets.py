@@ -1,6 +1,6 @@
 """Posterior over all 2^k structures of a linear regression in closed form, none of them stored.
 
-    P(S | y) ~ p(y | S) = exp(constant) D_S^-1/2 (2 b_S)^-a,  D_S the product of pivots that carry the priors, too
+    P(S | y) ~ P(S) p(y | S),  p(y | S) = exp(constant) D_S^-1/2 (2 b_S)^-a,  D_S the product of pivots that carry the priors, too
 
 Terms always there are eliminated first. Of the others the first are doubled at once, into lanes; then blocks of lanes double
 the last ones and keep sums only: the total, joint inclusion, moments of the coefficients, and the best structures seen.
@@ -177,6 +177,7 @@ class LaneBlock(NamedTuple):
         shape: a = a0 + n/2.
         pivots: of the terms doubled within, as in `Problem`, shape (r,).
         squares: likewise, shape (r,).
+        log_prior: as in `Problem`.
         conditions: what the rules ask, if there are any.
         shift: number of terms before these.
     """
@@ -184,6 +185,7 @@ class LaneBlock(NamedTuple):
     shape: float
     pivots: Float[np.ndarray, " r"] | None
     squares: Float[np.ndarray, " r"] | None
+    log_prior: Float[np.ndarray, " k1"] | None
     conditions: Conditions | None
     shift: int
 
@@ -257,6 +259,9 @@ def add_block(
     corner, product = tree.eliminate(matrix[..., here], determinant[here], block.pivots, block.squares)
     corner = corner[0, 0].reshape(-1, width)
     score, weight = _scores(block, corner, product.reshape(corner.shape))
+    if block.log_prior is not None:
+        inner, outer = np.arange(score.shape[0]), np.arange(first, first + width)
+        score += block.log_prior[np.bitwise_count(inner)[:, None] + np.bitwise_count(outer)]
     if block.conditions is not None:
         forbidden = block.conditions.forbidden(here)
         score[forbidden] = -np.inf
@@ -288,6 +293,7 @@ def all_subsets(
     *,
     always: Sequence[str] = (),
     rules: RuleMasks | None = None,
+    log_prior: Float[np.ndarray, " k1"] | None = None,
     top: int = 1000,
     threads: int | None = None,
 ) -> SubsetPosterior:
@@ -299,6 +305,7 @@ def all_subsets(
         names: of the terms, one for each column.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if not given.
+        log_prior: of a structure by its number of optional terms, as of `log_prior_by_size`; all structures alike, if not given.
         top: how many of the best structures to keep.
         threads: how many blocks at once; as many as there are cores, if not given.
 
@@ -309,7 +316,7 @@ def all_subsets(
     candidates = check_candidates(stats, names, always)
     free = candidates.free
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
-    problem, best = make_problem(stats, prior, candidates.sure, free), Best(top)
+    problem, best = make_problem(stats, prior, candidates.sure, free, log_prior), Best(top)
     fixed = max(len(free) - BLOCK_LEVELS, 0)
     outer = SubsetElimination(len(free) + 1, fixed, 1)
     matrix, determinant = outer.eliminate(
@@ -319,6 +326,7 @@ def all_subsets(
     block = LaneBlock(
         problem.shape,
         *_parts(problem, slice(fixed, None)),
+        problem.log_prior,
         None if rules is None else conditions(rules, lane_terms, free[fixed:]),
         fixed,
     )
@@ -372,6 +380,7 @@ def _collect(
     sure, free = candidates.sure, candidates.free
     log_total = problem.constant + float(sums.peak[0] + np.log(sums.weight.sum()))
     scores, codes = best.ranked()
+    log_prior = 0.0 if problem.log_prior is None else problem.log_prior[np.bitwise_count(codes)]
     joint = np.ones((len(candidates.names),) * 2)
     joint[np.ix_(free, free)] = together = sums.joint()
     joint[np.ix_(sure, free)] = np.diag(together)
@@ -379,7 +388,7 @@ def _collect(
     return dict(
         names=candidates.names,
         structures=spread(codes, free) | candidates.certain,
-        log_evidence=problem.constant + scores,
+        log_evidence=problem.constant + scores - log_prior,
         probability=np.exp(problem.constant + scores - log_total),
         count=int(sums.allowed.sum()),
         inclusion=np.diag(joint).copy(),

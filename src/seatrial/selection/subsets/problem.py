@@ -20,7 +20,7 @@ LARGEST_LOG = 600.0  # Natural logarithm of a determinant that a double holds wi
 
 
 class Candidates(NamedTuple):
-    """Terms by number: which are certain and which may be there, each with probability one half before the rules.
+    """Terms by number: which are certain and which may be there.
 
     Attributes:
         names: of all terms.
@@ -50,6 +50,7 @@ class Problem(NamedTuple):
         scale: coefficients over those of the scaled columns, shape (k,).
         slope: coefficients of the terms always there over what remains, shape (m, k+1).
         inverse: inverse of their block of A, shape (m, m).
+        log_prior: log P(S) by the number of optional terms, nats but for a constant, shape (k+1,); None if it is equal for all.
     """
 
     matrix: Float[np.ndarray, "k1 k1"]
@@ -61,6 +62,7 @@ class Problem(NamedTuple):
     scale: Float[np.ndarray, " k"]
     slope: Float[np.ndarray, "m k1"]
     inverse: Float[np.ndarray, "m m"]
+    log_prior: Float[np.ndarray, " k1"] | None
 
 
 class Averages(NamedTuple):
@@ -102,7 +104,13 @@ def check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -
     return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
 
-def make_problem(stats: Gram, prior: Prior, always: Sequence[int], optional: Sequence[int]) -> Problem:
+def make_problem(
+    stats: Gram,
+    prior: Prior,
+    always: Sequence[int],
+    optional: Sequence[int],
+    log_prior: Float[np.ndarray, " k1"] | None = None,
+) -> Problem:
     """Eliminate the terms always there and scale the rest.
 
     Args:
@@ -110,10 +118,19 @@ def make_problem(stats: Gram, prior: Prior, always: Sequence[int], optional: Seq
         prior: of the coefficients.
         always: numbers of the terms in every structure.
         optional: numbers of the others.
+        log_prior: of a structure by its number of optional terms.
 
     Raises:
+        InputError: a prior for another number of optional terms.
         NumericalError: prior and data so far apart that determinants overflow.
     """
+    if log_prior is not None and len(log_prior) != len(optional) + 1:
+        raise InputError(
+            "log_prior",
+            found=f"{len(log_prior)} numbers of terms",
+            expected=f"{len(optional) + 1}, from 0 to all {len(optional)} optional terms",
+            remedy=f'for example log_prior_by_size("multiplicity", {len(optional)})',
+        )
     posterior, sure, free = prior.posterior(stats), np.asarray(always, int), np.asarray(optional, int)
     order = np.concatenate([sure, free])
     corner = 2 * prior.rate + stats.square + posterior.square[sure].sum()
@@ -151,6 +168,7 @@ def make_problem(stats: Gram, prior: Prior, always: Sequence[int], optional: Seq
         scale,
         slope,
         inverse,
+        None if log_prior is None or not np.ptp(log_prior) else np.asarray(log_prior, float),
     )
 
 

@@ -2,7 +2,7 @@
 
     inclusion of a term:  mean over the moves that drew it of its probability given the other terms (Rao and Blackwell)
     the same again:       from the evidences of all structures evaluated, as if there were no others (renormalised)
-    total:                log sum_S p(y | S) = log sum_{S in A} p(y | S) - log (share of visits in A)
+    total:                log sum_S P(S) p(y | S) = log sum_{S in A} P(S) p(y | S) - log (share of visits in A)
 
 A are the structures evaluated in the first half of the run, the visits those of the second (George and McCulloch, Statistica
 Sinica 7, 1997). Renormalised probabilities are off by at most the probability of what was not evaluated. Standard errors are from
@@ -83,7 +83,7 @@ class Visits(NamedTuple):
 
 
 class Evaluated(NamedTuple):
-    """Different structures, in order of number, and their log p(y | S)."""
+    """Different structures, in order of number, and their log P(S) p(y | S)."""
 
     codes: UInt64[np.ndarray, " n"]
     scores: Float[np.ndarray, " n"]
@@ -96,7 +96,7 @@ def subset_posterior(stats: Gram, prior: Prior, names: Sequence[str], **options:
         stats: of the regression on all terms.
         prior: of its coefficients and noise.
         names: of the terms.
-        options: `always`, `rules` and `top` as of `all_subsets`; `threads` counts where it is exact, and `seed`,
+        options: `always`, `rules`, `log_prior` and `top` as of `all_subsets`; `threads` counts where it is exact, and `seed`,
             `chains` and `moves`, as of `sample_subsets`, where it is sampled.
 
     Raises:
@@ -116,6 +116,7 @@ def sample_subsets(
     *,
     always: Sequence[str] = (),
     rules: RuleMasks | None = None,
+    log_prior: Float[np.ndarray, " k1"] | None = None,
     top: int = 1000,
     seed: int = 0,
     chains: int = 64,
@@ -129,6 +130,7 @@ def sample_subsets(
         names: of the terms, one for each column, at most 63.
         always: terms in every structure.
         rules: which structures are allowed, over `names`; all, if not given.
+        log_prior: of a structure by its number of optional terms, as of `log_prior_by_size`; all structures alike, if not given.
         top: how many of the best structures to keep.
         seed: of the random numbers.
         chains: walkers in step, which start apart; where evidences lie far apart, they are shared out over ladders of temperatures, of
@@ -145,7 +147,7 @@ def sample_subsets(
     if not rules.allowed(np.array([certain], np.uint64))[0]:
         raise no_structure()
     evidence_of(stats, prior, range(len(candidates.names)))  # of all structures this one leaves the least noise
-    problem = make_problem(stats, prior, candidates.sure, candidates.free)
+    problem = make_problem(stats, prior, candidates.sure, candidates.free, log_prior)
     units, random = make_units(rules, candidates.free, problem, len(candidates.names)), np.random.default_rng(seed)
     starts = some_starts(units, certain, rules, chains, random)
     scores = Chains(problem, units, candidates.free, rules, starts, chains, random).move().scores
@@ -166,6 +168,9 @@ def sample_subsets(
     log_evidence = np.array(
         [evidence_of(stats, prior, np.flatnonzero(row).tolist()).log_evidence for row in is_present]
     )
+    log_weight = log_evidence
+    if problem.log_prior is not None:
+        log_weight = log_evidence + problem.log_prior[is_present[:, candidates.free].sum(1)]
     renormalised = np.ones(len(candidates.names))
     weight = np.exp(evaluated.scores - np.logaddexp.reduce(evaluated.scores))
     for term in candidates.free:
@@ -190,7 +195,7 @@ def sample_subsets(
         names=candidates.names,
         structures=evaluated.codes[best],
         log_evidence=log_evidence,
-        probability=np.exp(log_evidence - log_total),
+        probability=np.exp(log_weight - log_total),
         count=count_allowed(rules, candidates.sure, len(candidates.names)),
         monte_carlo=MonteCarlo(
             covered=covered,

@@ -86,6 +86,7 @@ class Chains:
         self._log_pivots = None if problem.pivots is None else np.log(problem.pivots)
         self._squares = np.zeros(k) if problem.squares is None else problem.squares
         self._at = np.arange(codes.size)
+        self._optional = np.bitwise_or.reduce(_ONE << self._free)
         self._first = units.mask & (~units.mask + _ONE)
         self.codes = codes
         self.places = random.permutation(codes.size).reshape(chains, -1)
@@ -179,6 +180,8 @@ class Chains:
             determinants.append(determinant)
         scores = problem.constant - problem.shape * np.log(np.array(corners)) - 0.5 * np.array(determinants)
         result = np.array(codes)
+        if problem.log_prior is not None:
+            scores += problem.log_prior[np.bitwise_count(result & self._optional)]
         return result, np.where(self._rules.allowed(result), scores, -np.inf)
 
     def _sweep(self, which: np.ndarray, columns: np.ndarray | int) -> None:
