@@ -1,5 +1,7 @@
 """A user's own log density: what is found of it against the closed form of a normal mean and of a normal scale."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -122,6 +124,15 @@ def test_models_of_another_prior():
     assert found.probability == pytest.approx([0.5, 0.25, 0.25], abs=0.02)
     with pytest.raises(st.InputError, match=r"structure_prior(.|\n)*use one of: equal, multiplicity"):
         st.compare(models, structure_prior="uniform")
+def test_a_term_that_is_absent_from_a_posterior_is_in_question():
+    whole = st.posterior_of_density(
+        lambda p: normal_mean(p) + 0.0 * p["factor"], {"mean": st.Normal(0.0, WIDTH), "factor": st.Uniform(0.5, 2.0)}
+    )
+    without = replace(whole, present=np.array([float(name != "mean") for name in whole.names]))
+    found = st.compare(
+        {"with": whole, "without": without}, settings=st.EvidenceSettings(2, st.SMCSettings(particles=256))
+    )
+    assert found.inclusion == {"mean": pytest.approx(found.probability[0])}
 
 
 def test_the_same_seed_gives_the_same_bits(posterior):

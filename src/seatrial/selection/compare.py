@@ -64,7 +64,7 @@ def compare(
     check_choice(structure_prior, get_args(StructurePrior), "structure_prior")
     check_progress(progress)
     _check_same_data(posteriors)
-    structures = [Structure(label, posterior.names) for label, posterior in posteriors.items()]
+    structures = [Structure(label, posterior.present_names) for label, posterior in posteriors.items()]
     shared = set.intersection(*(set(structure.terms) for structure in structures))
     optional = [name for name in dict.fromkeys(chain(*(one.terms for one in structures))) if name not in shared]
     keys = [keys_of(own) for own in jax.random.split(as_key(key), len(posteriors))]
