@@ -7,25 +7,18 @@ from typing import cast
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
-from seatrial.campaign.data.check import record_doubts
 from seatrial.campaign.data.import_logs import Trials
-from seatrial.campaign.inference.baselines import compare_with_baselines, comparison_cautions
-from seatrial.campaign.inference.judge_predictions import (
-    N_DRAWS,
-    fit_complaints,
-    held_back_alarms,
-    held_back_cautions,
-    held_back_curves,
-    predictions_by,
-)
+from seatrial.campaign.inference.baselines import compare_with_baselines
+from seatrial.campaign.inference.judge_predictions import N_DRAWS, held_back_curves, predictions_by
 from seatrial.campaign.inference.posterior import build_parameters
 from seatrial.campaign.inference.quick_estimates import FirstAnswer, best_mode
 from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.predictions import FittedBaselines
-from seatrial.campaign.store.summary import NextTrial, Summary
+from seatrial.campaign.store.summary import Summary
+from seatrial.campaign.workflow.loop import summarise
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.dataset import Dataset
-from seatrial.core.findings import Finding, Message, accept
+from seatrial.core.findings import Finding
 from seatrial.core.normal import Z95
 from seatrial.estimation.diagnostics.known import ErrorShares, Known
 from seatrial.messages.render import sentences
@@ -55,12 +48,12 @@ def first_outcome(
     assert best.drawn is not None
     drawn = replace(best.drawn, values=best.drawn.values[:N_DRAWS])
     predictions = predictions_by(campaign, drawn, trials, drawn)
-    grave = [one for one in best.cautions if isinstance(one, Finding) and one.level == "alarm"]
+    estimate = _estimate(campaign, trials, best, [one.alarm for one in answers if one.alarm])
     evidence = Evidence(best.log_evidence or 0.0, 0.0, "laplace")
     outcome = Outcome(
         campaign=campaign,
         trials=trials,
-        estimates=(estimate := _estimate(campaign, trials, best, grave),),
+        estimates=(estimate,),
         selection=Selection((best.structure,), (evidence,), np.ones(1), np.zeros(1), {}, {}, 0, (), ()),
         chosen=estimate,
         filter=Dataset({}),
@@ -79,11 +72,12 @@ def first_outcome(
         summary=cast(Summary, None),  # made below, of all the rest
         first_answer=remedy,
     )
-    cautions = [one for one in best.cautions if one not in grave]
-    return replace(outcome, summary=_summary(outcome, best, [*cautions, *(one.alarm for one in answers if one.alarm)]))
+    return replace(outcome, summary=summarise(outcome, _rows(best, estimate)))
 
 
-def _estimate(campaign: Campaign, trials: Trials, best: FirstAnswer, grave: Sequence[Finding]) -> Estimate:
+def _estimate(campaign: Campaign, trials: Trials, best: FirstAnswer, others: Sequence[str]) -> Estimate:
+    """Return the mode as an estimate without draws; `others` says which structures have no mode."""
+    grave = [one for one in best.cautions if isinstance(one, Finding) and one.level == "alarm"]
     labels = {one.name: one.label for one in build_parameters(campaign, campaign.model(best.structure), trials.fit)}
     names, units, pairs = zip(*best.rows, strict=True)
     mean, sd = (("parameter", np.array(column)) for column in zip(*(pair for (pair,) in pairs), strict=True))
@@ -96,25 +90,18 @@ def _estimate(campaign: Campaign, trials: Trials, best: FirstAnswer, grave: Sequ
         best.structure,
         Dataset({"mean": mean, "sd": sd}, coords=coords),
         alarms=tuple(sentences(grave)),
+        cautions=(*(one for one in best.cautions if one not in grave), *others),
         contains=" ".join(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in best.contains),
         causes=best.causes,
     )
 
 
-def _summary(outcome: Outcome, best: FirstAnswer, own: Sequence[Message]) -> Summary:
-    campaign, fits, pooled = outcome.campaign, outcome.fits, outcome.pooled
-    cautions: list[Message] = [*fit_complaints(fits, pooled), *comparison_cautions(outcome.compared), *own]
-    cautions += [
-        text for one in (*outcome.trials.fit, *outcome.trials.predict) for text in record_doubts(campaign, one)
-    ]
-    cautions += held_back_cautions(campaign.imports, outcome.trials)
-    failed = [*held_back_alarms(fits, pooled), *(one for one in cautions if isinstance(one, Finding))]
-    left = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
-    rows = tuple(
+def _rows(best: FirstAnswer, estimate: Estimate) -> tuple[StoredAverage, ...]:
+    return tuple(
         StoredAverage(
             name=name,
             unit=unit,
-            label=str(outcome.chosen.data.sel(parameter=name)["label"].values),
+            label=str(estimate.data.sel(parameter=name)["label"].values),
             mean=mean,
             sd=sd,
             lower_95=mean - Z95 * sd,
@@ -124,27 +111,4 @@ def _summary(outcome: Outcome, best: FirstAnswer, own: Sequence[Message]) -> Sum
             shares=best.shares.get(name, ErrorShares()),
         )
         for name, unit, ((mean, sd),) in best.rows
-    )
-    return Summary(
-        name=campaign.name,
-        chosen=best.structure.label,
-        terms=best.structure.terms,
-        coefficients=(),
-        structures=outcome.selection.rows,
-        inclusion={},
-        inclusion_error={},
-        verdicts=(),
-        cautions=tuple(sentences(left)),
-        findings=tuple(accept(failed, campaign.accepted)),
-        alarms=tuple(outcome.own_alarms),
-        choice_alarms=(),
-        usable=not outcome.own_alarms,
-        known=outcome.known,
-        fits=fits,
-        pooled=pooled,
-        baselines=outcome.compared,
-        next_trial=NextTrial("", False, None),
-        averaged=(),
-        quoted="chosen",
-        quote=rows,
     )

@@ -32,6 +32,7 @@ from seatrial.messages.cross_validation import complaints
 from seatrial.messages.known import known_cautions
 from seatrial.messages.render import sentences
 from seatrial.selection.cross_validation import advice_tried
+from seatrial.selection.verdict import StoredAverage
 
 OF_NEXT_TRIAL = ("next", "contenders")  # Steps without which all that was found so far still holds
 
@@ -117,8 +118,13 @@ def run_sequence(campaign: Campaign, reporter: Reporter = SILENT) -> tuple[Outco
         add_trial(campaign, proposal.trial)
 
 
-def summarise(outcome: Outcome) -> Summary:
-    """Summarise everything but the words about the next trial, which rest on the summary."""
+def summarise(outcome: Outcome, of_mode: tuple[StoredAverage, ...] = ()) -> Summary:
+    """Summarise everything but the words about the next trial, which rest on the summary.
+
+    Args:
+        outcome: of the whole loop, or of a first answer.
+        of_mode: the values of a first answer, which has no draws to take them from.
+    """
     campaign, chosen, selection = outcome.campaign, outcome.chosen, outcome.selection
     records = [*outcome.trials.fit, *outcome.trials.predict]
     # In order of gravity: what touches the values that are printed, then the records, then what nothing rests on.
@@ -134,16 +140,17 @@ def summarise(outcome: Outcome) -> Summary:
     cautions += [] if outcome.cross_validation is None else complaints(outcome.cross_validation)
     cautions += [text for record in records for text in record_doubts(campaign, record)]
     cautions += held_back_cautions(campaign.imports, outcome.trials)
-    cautions += filter_complaints(outcome.filter, _fitted_noise(outcome))
+    cautions += [] if of_mode else filter_complaints(outcome.filter, _fitted_noise(outcome))
     cautions += [*outcome.screening_cautions, *outcome.idle_complaints]
     findings = accept([*failed, *(one for one in cautions if isinstance(one, Finding))], campaign.accepted)
     cautions = [one for one in cautions if not (isinstance(one, Finding) and one.code in campaign.accepted)]
-    averages = averaged_rows(outcome.estimates, selection)
+    averages = () if of_mode else averaged_rows(outcome.estimates, selection)
+    coefficients = () if of_mode else chosen.parameters
     return Summary(
         name=campaign.name,
         chosen=chosen.structure.label,
         terms=chosen.structure.terms,
-        coefficients=chosen.parameters,
+        coefficients=coefficients,
         structures=selection.rows,
         inclusion=selection.inclusion,
         inclusion_error=selection.inclusion_error,
@@ -160,7 +167,7 @@ def summarise(outcome: Outcome) -> Summary:
         next_trial=NextTrial("", False, None if outcome.next is None else outcome.next.design(outcome.next.best)),
         averaged=averages,
         quoted=selection.quoted,
-        quote=quote_rows(selection.quoted, chosen.parameters, averages),
+        quote=of_mode or quote_rows(selection.quoted, coefficients, averages),
     )
 
 
