@@ -84,6 +84,8 @@ def test_a_report_after_the_mode_is_a_first_answer_and_names_the_command_that_sa
     assert re.findall('<section id="([a-z]+)"', html) == ["summary", "fit"]
     assert html.count("First answer, without chains") == 1
     assert "These are not the values to quote" in html
+    assert f"<code>seatrial run {tmp_path}</code> samples" in html
+    assert "`" not in html.partition("<main")[2]
     assert "seatrial-summary" not in html
     assert standing(tmp_path)[-1].state == "missing"
     assert not any(Store(tmp_path).posterior("M-0").parent.glob("*"))

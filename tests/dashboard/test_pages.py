@@ -108,7 +108,7 @@ def test_a_design_names_the_coefficients_about_which_it_says_nothing():
 
     assert (
         "The trial says nothing about N_rabsr and N_ur: no measurement changes with them. "
-        "To learn about them, move r (`together` of [design] moves tau_N as well)."
+        "To learn about them, move r (<code>together</code> of [design] moves tau_N as well)."
         in told(before * [0.04, 1.0, 0.99999])
     )
     assert "with it. To learn about it, move r and u." in told(before * [0.04, 0.2, 1.0], ())

@@ -3,7 +3,7 @@ import pytest
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import SIGNALS, signal_label
 from seatrial.report.drawing import signal_symbol
-from seatrial.report.labels import label_html, label_mathtext, name_html, name_mathtext
+from seatrial.report.labels import label_html, label_mathtext, name_html, name_mathtext, sentence_html
 
 
 def bare(label: str) -> str:
@@ -66,3 +66,5 @@ def test_names_in_sentences_are_printed_by_their_labels_and_the_rest_is_escaped(
     assert html.count('<span class="symbol">') == 3
     assert "not X_udot &lt;b&gt;" in html
     assert str(name_html("<i>", {})) == "&lt;i&gt;"
+    assert str(name_html("run `seatrial X_u <b>`, or `", labels)) == "run <code>seatrial X_u &lt;b&gt;</code>, or `"
+    assert sentence_html("`a --by -1` is m/s^2", {}) == "<code>a --by -1</code> is m/s²."

@@ -20,6 +20,7 @@ from seatrial.dashboard.campaign_paths import CampaignPaths
 from seatrial.dashboard.jobs import LOG, Job, Jobs
 from seatrial.dashboard.view_models import Checked, FormData, words_of
 from seatrial.dashboard.worker_pool import WorkerPool, stamp
+from seatrial.report.labels import name_html, sentence_html
 from seatrial.report.numbers import with_percent_signs_kept
 
 PATIENCE = 0.35
@@ -177,7 +178,8 @@ def say(error: BaseException | str) -> None:
 
 def error_html(words: str, title: str = "This did not work.") -> Markup:
     """Return an error in words, below a title."""
-    return Markup('<div class="error" role="alert"><strong>{}</strong><pre>{}</pre></div>').format(title, words)
+    html = '<div class="error" role="alert"><strong>{}</strong><pre>{}</pre></div>'
+    return Markup(html).format(title, name_html(words, {}))
 
 
 def markup(text: str) -> ui.html:
@@ -187,7 +189,7 @@ def markup(text: str) -> ui.html:
 
 def cautions_html(cautions: Sequence[str]) -> Markup:
     """Return cautions as a list of sentences; nothing where there are none."""
-    rows = Markup("").join(Markup("<li>{}.</li>").format(text[:1].upper() + text[1:]) for text in cautions)
+    rows = Markup("").join(Markup("<li>{}</li>").format(sentence_html(text, {})) for text in cautions)
     return Markup('<ul class="cautions">{}</ul>').format(rows) if cautions else Markup("")
 
 

@@ -44,6 +44,7 @@ LETTERS = {
 }
 DOT_ABOVE = "\u0307"
 _STRUCTURE = re.compile(r"\bM-\d+\b")
+_CODE = re.compile(r"`([^`]+)`")
 _TOKEN = re.compile(r"\\[A-Za-z]+|.", re.DOTALL)
 _TAGS = {"sub": "sub", "sup": "sup", "variable": "i"}
 
@@ -86,12 +87,16 @@ def _label_of(name: str) -> str:
 
 
 def name_html(text: str, labels: Mapping[str, str]) -> Markup:
-    """Escape a sentence and print every parameter name in it by its label.
+    """Escape a sentence, print every parameter name in it by its label, and what stands in backticks as code.
 
     Args:
         text: a sentence for the user.
         labels: LaTeX label of each name.
     """
+    words, *rest = _CODE.split(text, maxsplit=1)
+    if rest:
+        code = Markup("<code>{}</code>").format(rest[0])
+        return name_html(words, labels) + code + name_html(rest[1], labels)
     if not labels:
         return escape(text)
     names = "|".join(re.escape(name) for name in sorted(labels, key=len, reverse=True))

@@ -139,7 +139,12 @@ def unit_text(unit: str) -> str:
 
 
 def typeset(text: str) -> str:
-    """Write the plain text of a sentence as a book would: `1e-3` as 10⁻³, `m/s^2` as m/s², `P x 2` as P × 2, proper minus and ±."""
+    """Write the plain text of a sentence as a book would: `1e-3` as 10⁻³, `m/s^2` as m/s², `P x 2` as P × 2, proper minus and ±.
+
+    What stands in backticks stays as it is.
+    """
+    if "`" in text:
+        return re.sub(r"(`[^`]+`)|[^`]+", lambda part: part[0] if part[1] else typeset(part[0]), text)
     text = re.sub(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b", _power, text)
     text = re.sub(r"(?<= )x(?= \d)", "×", unit_text(text)).replace("+-", "±")
     return re.sub(r"(?<=[\s(])-(?=\d)|(?<= )-(?= )|(?<== )-(?=\w)", MINUS, re.sub(r"(?<=\d)%", " %", text))

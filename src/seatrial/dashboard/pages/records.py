@@ -1,11 +1,10 @@
 """Records: what a log holds, which columns are which channels, where a record begins and ends, and whether it may be believed."""
 
-import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.config.templates import has_placeholders
@@ -20,6 +19,7 @@ from seatrial.dashboard.pages.record_chart import RecordChart
 from seatrial.dashboard.pages.work import Live, begin
 from seatrial.dashboard.view_models import Checked, CheckRow
 from seatrial.dashboard.worker_pool import stamp
+from seatrial.report.labels import name_html
 
 OF_RECORDS = ("check", "import", "simulate")
 """Commands that this page starts."""
@@ -128,7 +128,7 @@ def _sign(row: CheckRow) -> Markup:
 
 
 def _remedy(row: CheckRow, campaign: str) -> Markup:
-    words = Markup(re.sub("`(.*?)`", r"<code>\1</code>", str(escape(row.remedy[:1].upper() + row.remedy[1:]))))
+    words = name_html(row.remedy[:1].upper() + row.remedy[1:], {})
     if not row.view:
         return words
     address = f"#{NEW_LOG}" if row.view == "import" else link(row.view, campaign)

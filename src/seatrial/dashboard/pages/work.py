@@ -19,6 +19,7 @@ from seatrial.dashboard.jobs import LIVE, Job
 from seatrial.dashboard.page_layout import LOOK, button, link, section
 from seatrial.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.dashboard.run_bar import remaining_of
+from seatrial.report.labels import name_html
 
 EVERY = 0.25
 """Seconds between looks at a command at work."""
@@ -202,8 +203,8 @@ def live_html(job: Job, folded: bool = False) -> Markup:
 
 def _state(job: Job) -> Markup:
     if job.occupant is not None and job.occupant.alive:
-        words = re.sub("`(.*?)`", r"<code>\1</code>", str(escape(job.occupant.words)))
-        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(Markup(words))
+        words = name_html(job.occupant.words, {})
+        return Markup('<p class="running"><span class="dot"></span>{} is running</p>').format(words)
     if job.starting:
         words = "following the trial" if job.word == LIVE else "starting"
         return Markup('<p class="running"><span class="dot"></span>{} …</p>').format(words)
