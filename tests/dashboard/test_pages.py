@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.store.answer_cache import keep
-from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.stored_result import Store, write_stamped_json
 from seatrial.campaign.store.summary import NextTrial
 from seatrial.core.display_units import shown_as_written
@@ -34,7 +33,7 @@ from seatrial.dashboard.pages.one_axis import (
 )
 from seatrial.dashboard.pages.record_chart import RecordChart, ends_errors
 from seatrial.dashboard.pages.records import checks_html
-from seatrial.dashboard.pages.results import estimated_html, next_links, of_mode
+from seatrial.dashboard.pages.results import estimated_html, next_links
 from seatrial.dashboard.result_plots import checked, report_sections
 from seatrial.dashboard.view_models import AxisAbout, EstimatedStructure, beside
 from seatrial.design.results import BestDesign, SweptDesigns
@@ -188,28 +187,17 @@ def test_estimates_stand_by_structure_before_a_model_is_chosen():
             (remark,),
         ),
     )
-    html = estimated_html(found, shown_as_written({}))
-    first, second = html.split("<caption>")[1:]
-    assert first.startswith("Parameters of M-0: X_u<")
+    html = estimated_html(found, shown_as_written({"X_u": "t/s"}))
+    first, second = html.split("<h3>Parameters of ")[1:]
+    assert first.startswith("M-0: X_u<")
     assert "−1.25 ± 0.23" in first
-    assert "± 0.48 <small>a force X_u</small>" in second
-    assert '<td data-head="mean ± sd">−3.92' in second  # on a narrow screen, where the head is above each cell
+    assert "10⁻³ t/s" in first
+    assert (
+        '<td data-head="Value ± sd">−3.92 ± 0.48</td>' in second
+    )  # on a narrow screen, where the head is above each cell
+    assert '<small class="cause">a force X_u</small>' in second
     assert "Xu|u|: most of the ± is from a force X_u." in re.sub("<[^>]*>", "", second)
-    assert html.index("Do not use these numbers yet") < html.index("M-1: R-hat of") < html.index("<caption>")
-
-
-def test_a_stored_mode_is_shown_with_its_cause_in_the_unit_of_its_prior():
-    mode = StoredMode(
-        ("X_u",),
-        {"X_u": (-1.0, 0.1), "sigma_u": (0.02, 0.001)},
-        (),
-        {"X_u": "kg/s", "sigma_u": "m/s"},
-        {"X_u": "a force X_uabsu"},
-    )
-    html = estimated_html([of_mode(mode)], shown_as_written({"X_u": "t/s", "sigma_u": "cm/s"}))
-    assert "<small>a force X_uabsu</small>" in html
-    assert "2.00 ± 0.10" in html
-    assert "cm/s" in html
+    assert html.index("Do not use these numbers yet") < html.index("M-1: R-hat of") < html.index("<table")
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from seatrial.report.figures.fit import DrawnChannel, Driven
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE, unit_label
 from seatrial.report.labels import label_html, label_mathtext, name_html, sentence_about
-from seatrial.report.numbers import Digits, times_ten, unit_html
+from seatrial.report.numbers import Digits
 from seatrial.selection.structures import structure_names
 
 if TYPE_CHECKING:
@@ -155,9 +155,10 @@ def digits_of(outcome: "Outcome") -> dict[str, Digits]:
 
 def unit_row(outcome: "Outcome", name: str) -> dict[str, Markup]:
     """Return the symbol of a parameter and its unit, with the power of ten that its numbers are to be multiplied by."""
-    exponent = digits_of(outcome)[name].exponent
-    power = Markup(times_ten(exponent).removeprefix(" × ") + " ") if exponent else Markup("")
-    return {"label": label_html(labels_of(outcome)[name]), "unit": power + unit_html(units_of(outcome)[name])}
+    return {
+        "label": label_html(labels_of(outcome)[name]),
+        "unit": digits_of(outcome)[name].unit_html(units_of(outcome)[name]),
+    }
 
 
 def moments_of(outcome: "Outcome", estimate: "Estimate") -> dict[str, tuple[float, float]]:

@@ -45,6 +45,11 @@ class Digits(NamedTuple):
         """Write a number that is known, without its power of ten and with digits of its own: `0.1` where the sd is 14."""
         return _minus(f"{float(f'{value / 10.0**self.exponent:.4g}'):.12g}")
 
+    def unit_html(self, unit: str) -> Markup:
+        """Return a unit with the power of ten that the numbers are to be multiplied by."""
+        power = Markup(times_ten(self.exponent).removeprefix(" × ") + " ") if self.exponent else Markup("")
+        return power + unit_html(unit)
+
     def pair(self, value: float, sd: float) -> str:
         """Write a value with its standard deviation, without their power of ten."""
         known = self.decimals is not None and isfinite(value) and isfinite(sd)

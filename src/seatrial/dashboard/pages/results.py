@@ -8,20 +8,20 @@ from typing import Any
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.summary import NextTrial
 from seatrial.cli.campaign_text import written_units
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, shown_as_written
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
-from seatrial.dashboard.page_layout import link, links_html, section, table
+from seatrial.dashboard.page_layout import button, link, links_html, section
+from seatrial.dashboard.pages.work import Live, begin
 from seatrial.dashboard.view_models import EstimatedStructure
 from seatrial.dashboard.worker_pool import stamp
-from seatrial.report.labels import label_html, sentence_html
-from seatrial.report.numbers import unit_html, with_sd
+from seatrial.report.html import render_html
+from seatrial.report.labels import label_html, name_html, sentence_html
+from seatrial.report.numbers import Digits
 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
@@ -30,8 +30,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
     def seen() -> Any:
         """What is shown: the report of the finished run, else the estimates that there are."""
-        made = (store.summary, store.report) if store.summary.exists() else (store.mode, *posteriors(store))
-        return tuple(map(stamp, made))
+        made = () if store.summary.exists() else (store.mode, *posteriors(store))
+        return tuple(map(stamp, (store.summary, store.report, *made)))
 
     async def show() -> None:
         await (_results if store.summary.exists() else _before_a_choice)(context, campaign, folder)
@@ -41,8 +41,12 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 async def _results(context: AppContext, campaign: str, folder: Path) -> None:
     """Show the report section by section, whatever has changed since it was written."""
-    store = Store(folder)
     await _currency(context, campaign, folder)
+    await _report(context, campaign, folder)
+
+
+async def _report(context: AppContext, campaign: str, folder: Path) -> None:
+    store = Store(folder)
     asked = context.worker_pool.draw("report_sections", store.report, files=[store.report])
     await fill(ui.element("div"), asked, partial(_sections, campaign, folder), "reading the report …")
 
@@ -76,30 +80,26 @@ def next_links(campaign: str, store: Store, trial: NextTrial) -> Markup:
 
 
 async def _before_a_choice(context: AppContext, campaign: str, folder: Path) -> None:
-    """Show what `estimate` has found, while no structure is chosen."""
+    """Show the report of the posterior mode, or what `estimate` has found, while no structure is chosen."""
     store, shown = Store(folder), shown_as_written(dict(written_units(folder)))
-    chains, run = posteriors(store), link("run", campaign)
-    with section("No model is chosen yet" if chains or store.mode.is_file() else "No results yet"):
-        if not chains and not store.mode.is_file():
+    chains, has_mode, run = posteriors(store), store.mode.is_file(), link("run", campaign)
+    with section("No model is chosen yet" if chains or has_mode else "No results yet"):
+        if not chains and not has_mode:
             markup(Markup('<p>Run the campaign first: <a href="{}">Run</a>.</p>').format(run))
             return
-        words = "<p>These are estimates of single structures. The command run chooses among them and fills this page: "
+        words = "<p>The command run chooses among the structures and fills this page: "
         markup(Markup(words + '<a href="{}">Run</a>.</p>').format(run))
         await _currency(context, campaign, folder)
         if chains:
             asked = context.worker_pool.draw("estimated", chains, files=chains)
             await fill(ui.element("div"), asked, lambda found: markup(estimated_html(found, shown)), "reading …")
             return
-        try:
-            mode = Results(folder).mode()
-        except (SeatrialError, OSError) as error:
-            say(error)
-            return
-        words = (
-            '<p class="note">Kept of <code>estimate --by mode</code>: the most probable structure. It is a normal approximation, '
-            'which is not checked. The command prints all structures on <a href="{}">Run</a>.</p>'
-        )
-        markup(Markup(words).format(run) + estimated_html([of_mode(mode)], shown))
+        with ui.element("div").classes("line"):
+            button("Write the report of the first answer", lambda: begin(context, folder, messages, "report"))
+        messages = ui.element("div")
+        Live(context, folder, ("report",))
+    if stamp(store.report)[2] >= stamp(store.mode)[2]:
+        await _report(context, campaign, folder)
 
 
 def posteriors(store: Store) -> tuple[Path, ...]:
@@ -109,36 +109,26 @@ def posteriors(store: Store) -> tuple[Path, ...]:
 
 
 def estimated_html(structures: Sequence[EstimatedStructure], shown: Shown) -> Markup:
-    """Return the parameters of each structure as they are before any is chosen, in the units in which they are `shown`."""
+    """Return the parameters of each structure as they are before any is chosen, in the units in which they are `shown`: as in a report."""
     html = _findings(
         "Do not use these numbers yet", [f"{one.label}: {text}" for one in structures for text in one.alarms]
     )
     for one in structures:
-        rows, labels = [], {}
+        rows, labels = [], {name: label for name, label, *_ in one.rows if label}
         for name, label, si, mean, sd, cause in one.rows:
             factor, unit = shown(name, si)
-            labels |= {name: label} if label else {}
-            named = label_html(label) + Markup(" <small>{}</small>").format(name)
-            value = Markup("{} <small>{}</small>").format(with_sd(factor * mean, factor * sd), cause)
-            rows.append([named, value, unit_html(unit)])
-        head = ["parameter", "mean ± sd", "unit"]
-        html += table(head, rows, f"Parameters of {one.label}: {' '.join(one.terms)}", stacks=True)
+            digits = Digits.of(factor * mean, factor * sd)
+            value = {"value": digits.pair(factor * mean, factor * sd), "made_of": name_html(cause, labels)}
+            rows.append({"name": name, "label": label_html(label), "unit": digits.unit_html(unit), **value})
+        caption = f"Parameters of {one.label}: {' '.join(one.terms)}"
+        html += Markup(render_html("values.html", rows=rows, caption=caption))
         html += _findings("What adds most to the ±", one.remarks, labels)
-    return html
+    return Markup('<div class="report">{}</div>').format(html)
 
 
 def _findings(title: str, texts: Sequence[str], labels: Mapping[str, str] | None = None) -> Markup:
     rows = Markup("").join(Markup("<li>{}</li>").format(sentence_html(text, labels or {})) for text in texts)
     return Markup('<h3>{}</h3><ul class="findings">{}</ul>').format(title, rows) if texts else Markup("")
-
-
-def of_mode(mode: StoredMode) -> EstimatedStructure:
-    """Return the stored posterior mode of the most probable structure."""
-    rows = []
-    for name, moments in mode.found.items():
-        label = CoefficientName.parse(name).label if name in mode.terms else ""
-        rows.append((name, label, mode.units.get(name, ""), *moments, mode.causes.get(name, "")))
-    return EstimatedStructure("the most probable structure", mode.terms, tuple(rows))
 
 
 async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
