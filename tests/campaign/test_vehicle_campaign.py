@@ -1,5 +1,7 @@
 """A campaign file of a published vehicle: the columns of its log are mapped, the file can be used, and a run is cut by conditions."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -174,3 +176,19 @@ when = 'message.custom_mode == "MANUAL"'
     seconds = record.time + 4.35  # the mode is said from here on, on the clock of both
     np.testing.assert_allclose(record.channel("u"), 1.0 + 0.1 * seconds, atol=0.006)
     np.testing.assert_allclose(record.channel("n") / RPM, 1000 + 10 * seconds, atol=0.6)
+
+
+@pytest.mark.parametrize(("column", "control", "upper"), [("rpm", "n", "1400 rpm"), ("tau_x [N]", "tau_X", "1400 N")])
+def test_the_log_of_a_vehicle_of_ones_own_fills_in_the_template(tmp_path, column, control, upper):
+    rows = [f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2):.1f},{1200 + 200 * (i // 50 % 2)}" for i in range(300)]
+    log = tmp_path / "dive.csv"
+    log.write_text(f"time_s,speed,{column}\n" + "\n".join(rows) + "\n")
+    text = vehicle_campaign_text(tmp_path / "boat", log=log, named="logs/dive.csv")
+    content = tomllib.loads(text)
+    assert content["limits"] == {control: {"lower": upper.replace("14", "12"), "upper": upper}}
+    assert content["vehicle"]["trim"] == {"u": "1.6 m/s", control: upper.replace("14", "13")}
+    campaign = check_text(tmp_path / "boat", text)
+    (file,) = campaign.imports.files
+    assert (file.path, set(file.channels)) == ("logs/dive.csv", {"u", control})
+    assert campaign.family.control == control
+    assert campaign.example_vehicle  # the mass is still that of the template

@@ -93,7 +93,7 @@ def test_in_a_terminal_a_template_or_a_vehicle_is_one_answer(monkeypatch, tmp_pa
     ("options", "words"),
     [
         (["--template", "design", "--vehicle", "remus100_prestero"], "beside it"),
-        (["--log", "dive.csv"], "no --vehicle beside it"),
+        (["--log", "dive.csv", "--template", "log"], "beside it"),
         (["--vehicle", "remus100_fossen"], "no sum of named coefficients"),
     ],
 )

@@ -1,16 +1,19 @@
-"""The campaign file of a published vehicle: of a log of it, whose columns are mapped, or before there is any."""
+"""The campaign file of a vehicle, published or one's own: of a log of it, whose columns are mapped, or before there is any."""
 
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from seatrial.campaign.config.templates import template_text
+from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, QUATERNION, RATES, thruster_controls
+from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, PROPULSION, QUATERNION, RATES, thruster_controls
 from seatrial.logs.guess import COMMAND, best
 from seatrial.logs.inspect import LogSummary, inspect_log
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
@@ -29,6 +32,16 @@ _AMPLITUDES = {"f": ("5 N", "20 N"), "n": ("50 rpm", "200 rpm"), "d": ("2 deg", 
 # First line of a campaign file, by which editors with Taplo find what `seatrial schema` prints.
 SCHEMA_LINE = "#:schema campaign.schema.json"
 _FINEST, _COARSEST = 0.02, 0.2  # Steps of a record, s
+# In the template of a log, if a force is commanded and no speed of a propeller.
+_OF_FORCE = (
+    ('n = "1000 rpm"', 'tau_X = "0 N"'),
+    ("thrust_deduction = 0.1\n", ""),
+    ('"T_nabsn"', '"X_tau_X"'),
+    ("# `unit` converts: thrust of a propeller is easier to state per revolution.\n[prior.T_nabsn]", "[prior.X_tau_X]"),
+    ("[limits.n]", "[limits.tau_X]"),
+    ('control = "n"', 'control = "tau_X"'),
+    ('from = "50 rpm", to = "300 rpm"', 'from = "5 N", to = "20 N"'),
+)
 _LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
 # Put the maker's table in its place: curve = "thrust.csv", two columns with a header, the command and the thrust in N.
 # A reversed propeller has a falling curve: give it a law of its own.
@@ -59,26 +72,29 @@ sd = 0.01""",
 }
 
 
-def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None) -> str:
-    """Return the campaign file of a published vehicle, commented: of a log of it, or before there is any.
+def vehicle_campaign_text(folder: Path, vehicle: str = "", log: Path | None = None, named: str = "") -> str:
+    """Return the campaign file of a vehicle, commented: of a log of it, or before there is any.
 
     Args:
         folder: of the campaign, which need not be there yet.
-        vehicle: name in the catalogue.
+        vehicle: name in the catalogue; empty for a vehicle of one's own, whose numbers are those of a template.
         log: of a trial; the file names it relative to its folder, so that both can be moved together.
+        named: path of the log from the folder, if it will lie elsewhere than now.
 
     Raises:
         InputError: a vehicle without named coefficients, or of surge alone with a log; a log that cannot be read, or one in which no
-            control or nothing that it does can be told.
+            control or nothing that a published vehicle does can be told.
     """
     if log is None:
-        return _before_any_log(vehicle)
+        return _before_any_log(vehicle) if vehicle else template_text("design")
+    if not vehicle:
+        return _of_own_log(inspect_log(log.resolve()), named or _named(folder, log))
     if vehicle in surge_names():
         raise InputError(
             f"--vehicle {vehicle}",
             found="a vehicle of surge alone",
             expected="a whole vehicle, whose axes are those that the log shows",
-            remedy="take the template log and the map of `seatrial inspect LOG --map`",
+            remedy="leave --vehicle out: the campaign is then that of your own vehicle in surge",
         )
     body, summary = load_vehicle(vehicle), inspect_log(log.resolve())
     controls = _controls(body, summary)
@@ -110,9 +126,31 @@ def vehicle_campaign_text(folder: Path, vehicle: str, log: Path | None = None) -
         '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
         f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
-        summary.as_toml(mapped, _named(folder, log)).rstrip("\n"),
+        summary.as_toml(mapped, named or _named(folder, log)).rstrip("\n"),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _of_own_log(summary: LogSummary, named: str) -> str:
+    """Return the template of a log with the map of a log; its trim and the limits of the control are those that the log shows."""
+    guessed = {one.channel: one for one in best(summary.guesses, ("u", *PROPULSION))}
+    control = next((one for one in PROPULSION if one in guessed), PROPULSION[0])
+    columns = {(table.info.name, one.name): one for table in summary.tables for one in table.columns}
+
+    def shown(channel: str, number: str) -> str:
+        one = guessed[channel]
+        return f"{one.scale * getattr(columns[one.table, one.column], number):.4g} {one.unit}"
+
+    head = template_text("log").partition("[[import.files]]")[0]
+    values: dict[Key, Any] = {("vehicle", "trim", one): shown(one, "mean") for one in guessed if one in ("u", control)}
+    if control != PROPULSION[0]:
+        for old, new in _OF_FORCE:
+            head = head.replace(old, new)
+        values[("prior", f"X_{control}")] = {"distribution": "normal", "mean": 1.0, "sd": 0.3}
+    if control in guessed:
+        ends = sorted((shown(control, end) for end in ("least", "greatest")), key=lambda end: float(end.split()[0]))
+        values |= {("limits", control, key): end for key, end in zip(("lower", "upper"), ends, strict=True)}
+    return with_values(head, values) + summary.as_toml(("u", control), named)
 
 
 def _before_any_log(vehicle: str) -> str:

@@ -25,7 +25,8 @@ Vehicle = Annotated[
 Log = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="A log of the published vehicle: its columns are guessed, and the campaign imports it."
+        metavar="FILE",
+        help="A log of the vehicle, your own if --vehicle is not given: its columns are guessed and imported.",
     ),
 ]
 
@@ -44,15 +45,8 @@ def init(folder: Folder, template: Template = None, vehicle: Vehicle = None, log
             expected="a template, or a published vehicle",
             remedy="leave --template out, or edit the file that it writes",
         )
-    if log is not None and vehicle is None:
-        raise InputError(
-            "--log",
-            found="no --vehicle beside it",
-            expected="--vehicle",
-            remedy="for a vehicle of your own take --template log, and the map of `seatrial inspect LOG --map`",
-        )
-    if vehicle is not None:
-        _write_of_vehicle(folder, vehicle, log)
+    if vehicle is not None or log is not None:
+        _write_of_vehicle(folder, vehicle or "", log)
     elif template is None and _is_terminal() and not current_answer().as_json:
         _ask_all(folder)
     else:
@@ -90,8 +84,8 @@ def _write_of_vehicle(folder: Path, vehicle: str, log: Path | None) -> None:
         _write(
             folder,
             text,
-            f"{vehicle} and its log {log.name}",
-            f"look at its map and its law of thrust, then: {following}",
+            f"{vehicle or 'your vehicle'} and its log {log.name}",
+            f"look at its map and its {'law of thrust' if vehicle else 'mass and priors'}, then: {following}",
         )
 
 
