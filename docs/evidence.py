@@ -1,25 +1,27 @@
 """Repeat every estimator of evidence where the evidence is known: `python docs/evidence.py`.
 
-Some 25 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes
-docs/dev/evidence.svg and the tables in docs/dev/evidence.md; exits with 3 where errors are stated too small, or where agreement is wrong in
-silence. With a number, `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written. With names of
-hard targets, `python docs/evidence.py "egg box, 2"`, only these are run, and their rows in the page are replaced.
+Some 40 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes the
+errors of all runs in docs/dev/evidence.json, and from these docs/dev/evidence.svg and the tables in docs/dev/evidence.md; `--redraw` writes
+only what is made from the numbers. Exits with 3 where errors are stated too small, or where agreement is wrong in silence. With a number,
+`python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written.
 """
 
+import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
+import evidence_report as report
 import evidence_targets as known
 import jax
 import jax.numpy as jnp
 import numpy as np
-from evidence_report import DEFAULT, Case, Run, failures, score_figure, tables
+import study_numbers
+from evidence_report import DEFAULT, Case, Run
 
 from seatrial.core.errors import NumericalError
 from seatrial.core.files import write_json, write_text
@@ -45,8 +47,6 @@ from studies.remus100.prior_monte_carlo import prior_evidence
 
 HERE = Path(__file__).parent
 FOLDER = HERE.parent / "outputs" / "evidence"
-RESULTS = "<!-- results -->"
-"""Where the results begin in the page."""
 TERM = "term, 3"
 BENIGN: dict[str, Callable[[], known.Problem]] = {
     "normal, 2": partial(known.normal, 2),
@@ -65,22 +65,27 @@ HARD: dict[str, Callable[[], known.Problem]] = {
     "shells, 2": partial(known.shells, 2),
     "shells, 5": partial(known.shells, 5),
     "shells, 10": partial(known.shells, 10),
+    "shells, 20": partial(known.shells, 20),
     "egg box, 2": known.egg_box,
 }
 METHODS = ("importance", "smc", "bridge", "nested", "prior")
 SLOW = ("normal, 10", "normal, 20", "phase transition, 10")
 CHEAP = {"importance": 100, "prior": 100, "savage-dickey": 100}
 USUAL, FEW = 40, 20
-RARE = {"shells, 2": 10, "shells, 5": 5, "shells, 10": 3, "egg box, 2": 8}
+RARE = {"shells, 2": 10, "shells, 5": 5, "shells, 10": 3, "shells, 20": 3, "egg box, 2": 8}
 """Repeats of what is not cheap, of targets that take longest."""
 TERM_CHAINS = ChainSettings(warmup=2000, draws=2000, thin=4)
 BRIDGE_CHAINS = ChainSettings(chains=32, warmup=3000, draws=12000, thin=4)
 PRIOR_DRAWS = 100_000
+COUNTED = ("nested", DEFAULT)
+"""Estimators of which the first run counts its densities."""
 LEAST = {
     ("smc", "normal, 20"): 12,
     ("agreement", "normal, 20"): 8,
     ("nested", "normal, 20"): 8,
     ("nested", "phase transition, 10"): 8,
+    ("importance", "shells, 20"): 20,
+    ("nested", "shells, 20"): 2,
 }
 
 
@@ -94,28 +99,34 @@ class Answer(NamedTuple):
 
 
 def main() -> None:
-    """Run all cases, two at once, or those of some targets, and write what was found."""
-    named = [one for one in sys.argv[1:] if one in HARD]
-    most = int(sys.argv[1]) if sys.argv[1:] and not named else None
-    cases = [(method, target) for target in named or (*BENIGN, *HARD) for method in methods_for(target)]
-    done = run_side_by_side([partial(run_case, *case, most) for case in cases])
-    found = dict(zip(cases, done, strict=True))
-    text = tables(found, list(BENIGN), list(HARD))
-    failed = failures(found, list(BENIGN))
-    print(text, *failed, sep="\n")
-    page = HERE / "dev" / "evidence.md"
-    before = page.read_text(encoding="utf-8")
-    if named:
-        kept = [line for line in before.splitlines() if not line.startswith(tuple(f"| {target} |" for target in named))]
-        rows = [line for line in text.splitlines() if line.startswith(tuple(f"| {target} |" for target in named))]
-        write_text(page, "\n".join([*kept, *rows]) + "\n")
-    elif most is None:
+    """Run all cases, two at once, and write what was found."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("repeats", type=int, nargs="?")
+    parser.add_argument("--redraw", action="store_true")
+    asked = parser.parse_args()
+    if asked.redraw:
+        numbers = study_numbers.kept("evidence")
+    else:
+        study_numbers.commit()
+        names = [(method, target) for target in (*BENIGN, *HARD) for method in methods_for(target)]
+        done = run_side_by_side([partial(run_case, *name, asked.repeats) for name in names])
+        numbers = report.numbers_of(dict(zip(names, done, strict=True)))
+        if asked.repeats is None:
+            study_numbers.keep("evidence", numbers)
+    failed = report.failures(found := report.found_of(numbers), list(BENIGN))
+    print(tables(numbers), *failed, sep="\n")
+    if asked.repeats is None:
         rows = [target for target in (*BENIGN, *HARD) if target != TERM]
         with own_settings():
-            write_text(HERE / "dev" / "evidence.svg", draw_svg(score_figure(found, rows), "evidence"))
-        picture = "![Errors of up to 40 runs of each in units of what each stated](evidence.svg)"
-        write_text(page, f"{before[: before.index(RESULTS)]}{RESULTS}\n\n{picture}\n\n{text}")
+            write_text(HERE / "dev" / "evidence.svg", draw_svg(report.score_figure(found, rows), "evidence"))
+        study_numbers.show("evidence", tables(numbers))
     sys.exit(3 if failed else 0)
+
+
+def tables(numbers: dict[str, Any]) -> str:
+    """Return the picture and the tables of the page."""
+    picture = f"![Errors of up to {report.DRAWN} runs of each in units of what each stated](evidence.svg)"
+    return f"{picture}\n\n{report.tables(report.found_of(numbers), list(BENIGN), list(HARD))}"
 
 
 def methods_for(target: str) -> Sequence[str]:
@@ -139,16 +150,15 @@ def run_case(method: str, target: str, most: int | None) -> Case:
     problem = (BENIGN | HARD)[target]()
     while (seed := len(kept["runs"])) < repeats:
         counted = Counted(problem.posterior.likelihood)
-        first_nested = method == "nested" and not seed
-        posterior = replace(problem.posterior, likelihood=counted) if first_nested else problem.posterior
-        began = perf_counter()
+        counts = method in COUNTED and not seed
+        posterior = replace(problem.posterior, likelihood=counted) if counts else problem.posterior
         answer = estimate(method, posterior, jax.random.key(seed))
-        seconds = perf_counter() - began
         kept.setdefault("evaluations", counted.count or evaluations(method, posterior.dim, answer))
         error = _or_none(answer.value - problem.log_evidence)
-        kept["runs"].append([error, _or_none(answer.stated), answer.status, seconds])
+        kept["runs"].append([error, _or_none(answer.stated), answer.status])
         write_json(path, kept)
-    return Case([Run(*map(_or_nan, run)) for run in kept["runs"][:repeats]], kept["evaluations"])
+    runs = [Run(_or_nan(error), _or_nan(stated), bool(status)) for error, stated, status in kept["runs"][:repeats]]
+    return Case(runs, kept["evaluations"])
 
 
 def estimate(method: str, posterior: Posterior, key: jax.Array) -> Answer:
@@ -181,7 +191,7 @@ def bayes_factor(posterior: Posterior, key: jax.Array) -> Any:
 
 
 def evaluations(method: str, d: int, answer: Answer) -> int | None:
-    """Densities that a run evaluates, those of the search for the mode aside; None for nested sampling, which is counted."""
+    """Densities that a run evaluates, those of the search for the mode aside; None if there is no formula."""
     size, smc = ImportanceSettings(), EvidenceSettings()
     match method:
         case "importance" if answer.diagnostics:

@@ -1,7 +1,7 @@
 """Tables and picture of docs/evidence.py: errors of estimators of evidence against what they stated."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,7 +21,7 @@ DEFAULT = "agreement"
 SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
 _HEAD = (
     "| estimator | target, parameters | runs | warned | within 2 errors if not warned | sd of error / stated "
-    "| mean error, nats | stated, median | evaluations | s |"
+    "| mean error, nats | stated, median | evaluations |"
 )
 _HARD_HEAD = (
     "| target, parameters | estimator | runs | within 2 errors | alarm | wrong without a warning | mean error, nats "
@@ -30,12 +30,11 @@ _HARD_HEAD = (
 
 
 class Run(NamedTuple):
-    """One run: error and stated error, nats, NaN where none was given, its warning, its time, s."""
+    """One run: error and stated error, nats, NaN where none was given, and whether it warned."""
 
     error: float
     stated: float
-    status: str
-    seconds: float
+    warned: bool
 
 
 class Case(NamedTuple):
@@ -47,6 +46,31 @@ class Case(NamedTuple):
 
 Found = Mapping[tuple[str, str], Case]
 """Cases by estimator and target."""
+
+
+def numbers_of(found: Found) -> dict[str, Any]:
+    """Return what is kept of the cases: errors to five digits, None where there is none, and the places of runs that warned."""
+    return {
+        ", ".join(name): {
+            "evaluations": case.evaluations,
+            "errors": [_short(run.error) for run in case.runs],
+            "stated": [_short(run.stated) for run in case.runs],
+            "warned": [i for i, run in enumerate(case.runs) if run.warned],
+        }
+        for name, case in found.items()
+    }
+
+
+def found_of(numbers: Mapping[str, Any]) -> Found:
+    """Return the cases of which these numbers are kept."""
+    found = {}
+    for name, kept in numbers.items():
+        if name != "commit":
+            errors, stated = (np.array(kept[what], float).tolist() for what in ("errors", "stated"))
+            runs = [Run(error, sd, i in kept["warned"]) for i, (error, sd) in enumerate(zip(errors, stated, strict=True))]
+            method, target = name.split(", ", 1)
+            found[method, target] = Case(runs, kept["evaluations"])
+    return found
 
 
 def tables(found: Found, benign: Sequence[str], hard: Sequence[str]) -> str:
@@ -102,7 +126,7 @@ def score_figure(found: Found, targets: Sequence[str], columns: int = 4) -> Figu
         for k, target in enumerate(targets):
             for loud in (False, True):
                 runs = found[method, target].runs[:DRAWN] if (method, target) in found else []
-                z = np.clip(scores([run for run in runs if bool(run.status) == loud]), -6, 6)
+                z = np.clip(scores([run for run in runs if run.warned == loud]), -6, 6)
                 at, far = k + np.linspace(-0.3, 0.3, z.size), np.abs(z) > 2
                 for pick, color in ((far, DOTS if loud else ORANGE), (~far, DOTS if loud else BLUE)):
                     draw_dots(axes, z[pick], at[pick], color=color, size=2.0)
@@ -127,18 +151,18 @@ def _benign_row(method: str, target: str, case: Case) -> str:
         stated = f"{np.median([run.stated for run in silent]):.2g}"
         spread = f"{z.std(ddof=1):.2f}" if z.size > 1 else "–"
     mean = _mean(silent if z.size else [run for run in case.runs if np.isnan(run.stated)])
-    return _row(method, target, len(case.runs), len(case.runs) - len(silent), share, spread, mean, stated, *_cost(case))
+    return _row(method, target, len(case.runs), len(case.runs) - len(silent), share, spread, mean, stated, _count(case))
 
 
 def _hard_row(method: str, target: str, case: Case) -> str:
     within = np.mean([abs(run.error) <= 2 * run.stated for run in case.runs])
-    loud = np.mean([bool(run.status) for run in case.runs])
+    loud = np.mean([run.warned for run in case.runs])
     cells = [target, method, len(case.runs), f"{within:.0%}", f"{loud:.0%}", mutes(case), _mean(case.runs)]
-    return _row(*cells, *_cost(case))
+    return _row(*cells, _count(case))
 
 
 def _silent(case: Case) -> list[Run]:
-    return [run for run in case.runs if not run.status]
+    return [run for run in case.runs if not run.warned]
 
 
 def _mean(runs: Sequence[Run]) -> str:
@@ -147,11 +171,13 @@ def _mean(runs: Sequence[Run]) -> str:
     return f"{errors.mean():+.2g} ± {errors.std(ddof=1) / np.sqrt(errors.size):.1g}" if errors.size > 1 else "–"
 
 
-def _cost(case: Case) -> tuple[str, str]:
-    """Evaluations of one run, and the median time of those after the first, which compiles."""
-    later = [run.seconds for run in case.runs[1:]]
-    count = f"{case.evaluations:,}".replace(",", " ") if case.evaluations else "–"
-    return count, f"{np.median(later):.2g}" if later else "–"
+def _count(case: Case) -> str:
+    """Evaluations of one run."""
+    return f"{case.evaluations:,}".replace(",", " ") if case.evaluations else "–"
+
+
+def _short(x: float) -> float | None:
+    return float(f"{x:.5g}") if np.isfinite(x) else None
 
 
 def _row(*cells: object) -> str:

@@ -1,7 +1,9 @@
 """Numbers of studies: each stands in docs/dev/NAME.json with the commit that made it, and its page shows tables that are made from it."""
 
 import json
+import re
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,9 @@ RESULTS = "<!-- results -->"
 
 def keep(name: str, numbers: dict[str, Any]) -> None:
     """Write the numbers of a study, with the commit of the code that made them."""
-    write_text(DEV / f"{name}.json", json.dumps({"commit": _commit(), **numbers}, indent=1) + "\n")
+    text = json.dumps({"commit": commit(), **numbers}, indent=1)
+    text = re.sub(r"\[[^][{}\"]*\]", lambda row: " ".join(row[0].split()), text)  # a row of numbers is a line
+    write_text(DEV / f"{name}.json", text + "\n")
 
 
 def kept(name: str) -> dict[str, Any]:
@@ -29,7 +33,8 @@ def show(name: str, tables: str) -> None:
     write_text(page, f"{before}{RESULTS}\n\n{tables}")
 
 
-def _commit() -> str:
-    """Return the commit of the working tree, marked if files differ from it."""
+@cache
+def commit() -> str:
+    """Return the commit of the working tree, marked if files differ from it; a study of hours calls it when it begins."""
     command = ["git", "-C", str(DEV), "describe", "--always", "--abbrev=10", "--exclude=*", "--dirty=, changed"]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

@@ -61,8 +61,8 @@ def test_exact_value_of_the_regression():
     assert logsumexp(logs) + np.log(0.02) == pytest.approx(problem.log_evidence, abs=1e-6)
 
 
-def case(errors, stated=1.0, status=""):
-    return report.Case([report.Run(error, stated, status, 0.0) for error in errors], None)
+def case(errors, stated=1.0, warned=False):
+    return report.Case([report.Run(error, stated, warned) for error in errors], None)
 
 
 @pytest.mark.parametrize(("outside", "low"), [(2, False), (6, False), (9, True)])
@@ -75,11 +75,19 @@ def test_too_few_runs_within_two_errors(outside, low):
 
 def test_wrong_in_silence():
     """Neither a run that complains, nor 0.05 nat, nor two errors; an error that is not stated is taken as none."""
-    assert report.mutes(case([5.0], status="no")) == 0
+    assert report.mutes(case([5.0], warned=True)) == 0
     assert report.mutes(case([0.05], 0.01)) == 0
     assert report.mutes(case([2.0, -4.0])) == 1
     assert report.mutes(case([0.2, np.nan], np.nan)) == 2
     assert report.failures({(report.DEFAULT, "two peaks, 2"): case([4.0])}, []) != []
+
+
+def test_kept_numbers_give_the_same_tables():
+    found = {("smc", "normal, 2"): case([0.0, 1.0, np.nan]), ("smc", "two peaks, 2"): case([0.0, 9.0], np.nan, True)}
+    kept = {"commit": "1", **report.numbers_of(found)}
+    assert kept["smc, normal, 2"]["errors"] == [0.0, 1.0, None]
+    asked = ["normal, 2"], ["two peaks, 2"]
+    assert report.tables(report.found_of(kept), *asked) == report.tables(found, *asked)
 
 
 def test_tables_name_every_case():
