@@ -1,8 +1,9 @@
 """The same work on a GPU and on all cores of this machine's processor: densities, design sweep, chains, evidence, calibration.
 
-`python benchmarks/gpu.py`, or with the other measurements `python benchmarks/run.py gpu`. Where JAX sees no GPU, the script reports that
-and measures nothing; `JAX_NUM_CPU_DEVICES=2 python benchmarks/gpu.py --rehearse` then runs the smallest sizes with a second device of the
-processor in its place, in the form that an accelerator computes: its numbers are checked, its times mean nothing.
+`python benchmarks/gpu.py`, or with the other measurements `python benchmarks/run.py gpu`; `--write` keeps the numbers in
+docs/dev/gpu.json and makes the table of docs/how-to/cluster.md from them. Where JAX sees no GPU, the script reports that and measures
+nothing; `JAX_NUM_CPU_DEVICES=2 python benchmarks/gpu.py --rehearse` then runs the smallest sizes with a second device of the processor in
+its place, in the form that an accelerator computes: its numbers are checked, its times mean nothing.
 
 Each size runs on both in turn after one call that compiles. Densities, the sweep and the replicates of a calibration use all cores of the
 processor; chains and evidence are one program, which one core runs. Results without random numbers must agree within rounding: orders of
@@ -14,9 +15,10 @@ import atexit
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from math import isqrt
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -42,6 +44,9 @@ from seatrial.sampling.sampler import SAMPLERS, sample
 from seatrial.sampling.target import log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+import study_numbers
+
 STEPS = 6_000
 REPEATS, PATIENCE = 3, 5.0
 """Runs of each size that are timed; one alone where the first on both takes more seconds than `PATIENCE`."""
@@ -50,6 +55,9 @@ ROUNDING = 1e-9
 ERRORS = 5.0
 """Monte Carlo standard errors between two runs."""
 METHOD = "independence-metropolis"
+COMMAND = "python benchmarks/gpu.py --write"
+DEVICES = ("processor", "GPU")
+RATIO, DIFFERENCE = " / ".join(DEVICES), "largest relative difference"
 
 
 class Numbers(NamedTuple):
@@ -156,7 +164,7 @@ def rehearse(cores: int) -> Iterator[Row | Ratio]:
 
 def between(processor: Any, accelerator: Any, cores: int, rehearsal: bool = False) -> Iterator[Row | Ratio]:
     """Yield the measurements of all work on both devices; in a rehearsal of the smallest sizes."""
-    devices = {"processor": processor, "second device" if rehearsal else "GPU": accelerator}
+    devices = dict(zip((DEVICES[0], "second device") if rehearsal else DEVICES, (processor, accelerator), strict=True))
     for group, (prepare, sizes, things) in WORK.items():
         for size in sizes[:1] if rehearsal else sizes:
             yield from _both(group, partial(prepare, size), f"{size} {things}", devices, cores)
@@ -179,7 +187,7 @@ def _both(
     apart = _apart(reference.values, other.values)
     relative = float(np.max(apart / np.where(apart > 0, np.abs(reference.values), 1.0)))
     exact = reference.error is None
-    yield Ratio(group, f"largest relative difference, {size}", cores, relative, at_most=ROUNDING if exact else None)
+    yield Ratio(group, f"{DIFFERENCE}, {size}", cores, relative, at_most=ROUNDING if exact else None)
     if reference.error is not None:
         worst = float(np.max(apart / (np.sqrt(2) * reference.error)))
         yield Ratio(group, f"the same in Monte Carlo errors, {size}", cores, worst, at_most=ERRORS)
@@ -216,7 +224,36 @@ def _mode() -> tuple[np.ndarray, np.ndarray]:
     return mode.z, mode.cov
 
 
+def numbers_of(lines: Sequence[Row | Ratio]) -> dict[str, dict[str, dict[str, float]]]:
+    """Return by work and size the least seconds on both, their ratio, and the largest relative difference of the results."""
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for line in lines:
+        words, size = line.what.rsplit(", ", 1) if isinstance(line, Ratio) else line.what.rsplit(", ", 1)[::-1]
+        sizes = found.setdefault(line.group, {}).setdefault(size, {})
+        sizes[words] = line.value if isinstance(line, Ratio) else 1e-3 * line.minimum
+    return found
+
+
+def tables(numbers: dict[str, Any]) -> str:
+    """Return the table of docs/how-to/cluster.md."""
+    lines = ["| Work | Size | Processor | GPU | Processor / GPU | Largest relative difference |", f"|{'---|' * 6}"]
+    for group in (name for name in numbers if name != "commit"):
+        for i, (size, one) in enumerate(numbers[group].items()):
+            times = [_time(one[device]) for device in DEVICES]
+            cells = [group if i == 0 else "", size, *times, f"{one[RATIO]:.3g}", f"{one[DIFFERENCE]:.2g}"]
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def _time(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
+
+
 if __name__ == "__main__":
-    measured = rehearse if sys.argv[1:] == ["--rehearse"] else speed
+    measured, lines = rehearse if sys.argv[1:] == ["--rehearse"] else speed, []
     for line in measured(usable_cores()):
+        lines.append(line)
         print(*((*line[:-2], line.verdict) if isinstance(line, Ratio) else line), sep=" | ", flush=True)
+    if sys.argv[1:] == ["--write"] and lines:
+        study_numbers.keep("gpu", numbers := numbers_of(lines))
+        study_numbers.show("../how-to/cluster", tables(numbers), COMMAND)

@@ -1,25 +1,62 @@
-"""How often calibration is wrong itself: `python docs/calibration_alarms.py` prints the two tables of docs/dev/calibration.md."""
+"""How often calibration is wrong itself: `python docs/calibration_alarms.py`, about a minute.
+
+Writes the numbers in docs/dev/calibration_alarms.json, and from these the two tables of alarms in docs/dev/calibration.md.
+"""
 
 import numpy as np
+import study_numbers
 from scipy import stats
 
 from seatrial.estimation.diagnostics.calibration import DRAWS, Calibration
 
+COMMAND = "python docs/calibration_alarms.py"
 REPLICATES = 400
 QUANTITIES = (1, 5, 28, 100)
 CAMPAIGNS, WRONG = 1000, 200
 """Campaigns for each number of false alarms, and for each number of wrong posteriors that are found."""
-SPOILT = ((1.15, 0.0), (1.2, 0.0), (1.3, 0.0), (0.8, 0.0), (1.0, 0.2), (1.0, 0.3))
+CORRELATIONS = (0.0, 0.5, 0.95)
+SPOILT = {
+    "1.15 times": (1.15, 0.0),
+    "1.2 times": (1.2, 0.0),
+    "1.3 times": (1.3, 0.0),
+    "0.8 times": (0.8, 0.0),
+    "biased by 0.2 of its standard deviations": (1.0, 0.2),
+    "biased by 0.3": (1.0, 0.3),
+}
 """Errors over what is stated, and bias in stated standard deviations."""
 
 
 def main() -> None:
-    """Print alarms of right campaigns by the correlation of their quantities, then alarms by one wrong quantity."""
+    """Find alarms of right campaigns by the correlation of their quantities, then alarms by one wrong quantity, and write both."""
     random = np.random.default_rng(0)
-    for k in QUANTITIES:
-        print(k, *(f"{false_alarms(random, k, correlation):.1%}" for correlation in (0.0, 0.5, 0.95)), flush=True)
-    for scale, shift in SPOILT:
-        print(scale, shift, *(f"{found(random, k, scale, shift):.0%}" for k in QUANTITIES), flush=True)
+    numbers = {
+        "false": {
+            f"k = {k}": [false_alarms(random, k, correlation) for correlation in CORRELATIONS] for k in QUANTITIES
+        },
+        "found": {words: [found(random, k, *wrong) for k in QUANTITIES] for words, wrong in SPOILT.items()},
+    }
+    study_numbers.keep("calibration_alarms", numbers)
+    study_numbers.show("calibration", tables(numbers), COMMAND)
+
+
+def tables(numbers: dict) -> str:
+    """Return the table of false alarms and that of detection."""
+    heads = ["quantities", "alarm, independent", *(f"correlated {correlation:g}" for correlation in CORRELATIONS[1:])]
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for words, shares in numbers["false"].items():
+        lines.append(f"| {words.removeprefix('k = ')} | {' | '.join(f'{100 * share:.1f} %' for share in shares)} |")
+    lines += [
+        "",
+        f"Detection of one wrong quantity among k, with {REPLICATES} replicates ({WRONG} simulated campaigns each, so known to 4 %):",
+        "",
+        f"| actual over stated errors | {' | '.join(f'k = {k}' for k in QUANTITIES)} |",
+        f"|{'---|' * 5}",
+    ]
+    lines += [
+        f"| {words} | {' | '.join(f'{100 * share:.0f} %' for share in shares)} |"
+        for words, shares in numbers["found"].items()
+    ]
+    return "\n".join([*lines, ""])
 
 
 def false_alarms(random: np.random.Generator, k: int, correlation: float) -> float:

@@ -1,7 +1,7 @@
 """Repeat every estimator of evidence where the evidence is known: `python docs/evidence.py`.
 
 Some 40 minutes on two quiet cores; an interrupted run resumes from outputs/evidence, which is to be deleted to begin anew. Writes the
-errors of all runs in docs/dev/evidence.json, and from these docs/dev/evidence.svg and the tables in docs/dev/evidence.md; `--redraw` writes
+numbers in docs/dev/evidence.json, and from these docs/dev/evidence.svg and the tables in docs/dev/evidence.md; `--redraw` writes
 only what is made from the numbers. Exits with 3 where errors are stated too small, or where agreement is wrong in silence. With a number,
 `python docs/evidence.py 3`, at most so many repeats are made and shown, and nothing is written.
 """
@@ -110,15 +110,15 @@ def main() -> None:
         study_numbers.commit()
         names = [(method, target) for target in (*BENIGN, *HARD) for method in methods_for(target)]
         done = run_side_by_side([partial(run_case, *name, asked.repeats) for name in names])
-        numbers = report.numbers_of(dict(zip(names, done, strict=True)))
+        numbers = report.numbers_of(dict(zip(names, done, strict=True)), list(BENIGN))
         if asked.repeats is None:
             study_numbers.keep("evidence", numbers)
-    failed = report.failures(found := report.found_of(numbers), list(BENIGN))
+    failed = report.failures(numbers, list(BENIGN))
     print(tables(numbers), *failed, sep="\n")
     if asked.repeats is None:
         rows = [target for target in (*BENIGN, *HARD) if target != TERM]
         with own_settings():
-            write_text(HERE / "dev" / "evidence.svg", draw_svg(report.score_figure(found, rows), "evidence"))
+            write_text(HERE / "dev" / "evidence.svg", draw_svg(report.score_figure(numbers["cases"], rows), "evidence"))
         study_numbers.show("evidence", tables(numbers))
     sys.exit(3 if failed else 0)
 
@@ -126,7 +126,7 @@ def main() -> None:
 def tables(numbers: dict[str, Any]) -> str:
     """Return the picture and the tables of the page."""
     picture = f"![Errors of up to {report.DRAWN} runs of each in units of what each stated](evidence.svg)"
-    return f"{picture}\n\n{report.tables(report.found_of(numbers), list(BENIGN), list(HARD))}"
+    return f"{picture}\n\n{report.tables(numbers, list(BENIGN), list(HARD))}"
 
 
 def methods_for(target: str) -> Sequence[str]:

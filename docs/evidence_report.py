@@ -16,6 +16,7 @@ BY_CHANCE = 1e-3
 """Probability of so few runs within two errors below which chance is not believed."""
 DRAWN = 40
 """Runs of a case that are drawn."""
+COUNTS = ("runs", "warned", "silent", "silent within")
 DEFAULT = "agreement"
 """What `log_evidence` gives; only it must never be wrong without an alarm."""
 SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
@@ -25,7 +26,7 @@ _HEAD = (
 )
 _HARD_HEAD = (
     "| target, parameters | estimator | runs | within 2 errors | alarm | wrong without a warning | mean error, nats "
-    "| evaluations | s |"
+    "| evaluations |"
 )
 
 
@@ -48,50 +49,58 @@ Found = Mapping[tuple[str, str], Case]
 """Cases by estimator and target."""
 
 
-def numbers_of(found: Found) -> dict[str, Any]:
-    """Return what is kept of the cases: errors to five digits, None where there is none, and the places of runs that warned."""
+def numbers_of(found: Found, benign: Sequence[str]) -> dict[str, Any]:
+    """Return the numbers of each case, and under "easy" those of the default on all benign targets."""
+    numbers = {", ".join(name): _case_numbers(case) for name, case in found.items()}
+    easy = [numbers[f"{DEFAULT}, {target}"] for target in benign if (DEFAULT, target) in found]
+    return {"easy": {key: sum(one[key] for one in easy) for key in COUNTS}, "cases": numbers}
+
+
+def _case_numbers(case: Case) -> dict[str, Any]:
+    """Return counts, errors, nats, and what is drawn: scores of the first runs, and the places of those that warned.
+
+    "silent" runs did not warn and stated an error; "within" are inside two errors; "wrong" see `mutes`. Means have their standard errors.
+    """
+    silent = _silent(case)
+    z, drawn = scores(silent), case.runs[:DRAWN]
     return {
-        ", ".join(name): {
-            "evaluations": case.evaluations,
-            "errors": [_short(run.error) for run in case.runs],
-            "stated": [_short(run.stated) for run in case.runs],
-            "warned": [i for i, run in enumerate(case.runs) if run.warned],
-        }
-        for name, case in found.items()
+        "runs": len(case.runs),
+        "warned": len(case.runs) - len(silent),
+        "silent": z.size,
+        "silent within": int((np.abs(z) <= 2).sum()),
+        "within": sum(abs(run.error) <= 2 * run.stated for run in case.runs),
+        "wrong": mutes(case),
+        "spread": float(z.std(ddof=1)) if z.size > 1 else None,
+        "silent mean": _mean(silent if z.size else [run for run in case.runs if np.isnan(run.stated)]),
+        "mean": _mean(case.runs),
+        "stated": float(np.median([run.stated for run in silent])) if z.size else None,
+        "evaluations": case.evaluations,
+        "scores": [round(float(score), 2) for score in scores(drawn)],
+        "grey": [i for i, run in enumerate(run for run in drawn if run.stated > 0) if run.warned],
     }
 
 
-def found_of(numbers: Mapping[str, Any]) -> Found:
-    """Return the cases of which these numbers are kept."""
-    found = {}
-    for name, kept in numbers.items():
-        if name != "commit":
-            errors, stated = (np.array(kept[what], float).tolist() for what in ("errors", "stated"))
-            runs = [Run(error, sd, i in kept["warned"]) for i, (error, sd) in enumerate(zip(errors, stated, strict=True))]
-            method, target = name.split(", ", 1)
-            found[method, target] = Case(runs, kept["evaluations"])
-    return found
-
-
-def tables(found: Found, benign: Sequence[str], hard: Sequence[str]) -> str:
+def tables(numbers: Mapping[str, Any], benign: Sequence[str], hard: Sequence[str]) -> str:
     """Coverage where every estimator should be right, and loudness where it cannot."""
-    rows = [_benign_row(m, t, found[m, t]) for m in SHOWN for t in benign if (m, t) in found]
-    hard_rows = [_hard_row(m, t, found[m, t]) for t in hard for m in SHOWN if (m, t) in found]
+    cases = numbers["cases"]
+    rows = [_benign_row(m, t, cases[f"{m}, {t}"]) for m in SHOWN for t in benign if f"{m}, {t}" in cases]
+    hard_rows = [_hard_row(m, t, cases[f"{m}, {t}"]) for t in hard for m in SHOWN if f"{m}, {t}" in cases]
     return "\n".join([_HEAD, _rule(_HEAD), *rows, "", _HARD_HEAD, _rule(_HARD_HEAD), *hard_rows]) + "\n"
 
 
-def failures(found: Found, benign: Sequence[str]) -> list[str]:
+def failures(numbers: Mapping[str, Any], benign: Sequence[str]) -> list[str]:
     """Cases that contradict what is claimed, in words."""
-    low = [f"{m} on {t}: errors are stated too small" for (m, t), case in found.items() if t in benign and is_low(case)]
+    cases = {tuple(name.split(", ", 1)): one for name, one in numbers["cases"].items()}
+    low = [f"{m} on {t}: errors are stated too small" for (m, t), one in cases.items() if t in benign and is_low(one)]
     return low + [
-        f"{m} on {t}: wrong without a warning" for (m, t), case in found.items() if m == DEFAULT and mutes(case)
+        f"{m} on {t}: wrong without a warning" for (m, t), one in cases.items() if m == DEFAULT and one["wrong"]
     ]
 
 
-def is_low(case: Case) -> bool:
+def is_low(numbers: Mapping[str, Any]) -> bool:
     """Whether fewer of the runs that did not complain are within two errors than chance explains."""
-    z = scores(_silent(case))
-    return z.size > 0 and float(stats.binom(z.size, EXPECTED).cdf((np.abs(z) <= 2).sum())) < BY_CHANCE
+    silent, within = numbers["silent"], numbers["silent within"]
+    return silent > 0 and float(stats.binom(silent, EXPECTED).cdf(within)) < BY_CHANCE
 
 
 def mutes(case: Case) -> int:
@@ -106,15 +115,15 @@ def scores(runs: Sequence[Run]) -> np.ndarray:
     return np.array([run.error / run.stated for run in runs if run.stated > 0])
 
 
-def score_figure(found: Found, targets: Sequence[str], columns: int = 4) -> Figure:
+def score_figure(cases: Mapping[str, Any], targets: Sequence[str], columns: int = 4) -> Figure:
     """Draw, for each estimator, the scores of its first 40 runs by target; the band is two stated errors, grey runs complained.
 
     Args:
-        found: cases.
+        cases: numbers by name.
         targets: rows of every panel.
         columns: panels side by side.
     """
-    methods = [m for m in SHOWN if any(scores(found[m, t].runs).size for t in targets if (m, t) in found)]
+    methods = [m for m in SHOWN if any(cases.get(f"{m}, {t}", {}).get("scores") for t in targets)]
     width, row, label, top, bottom = 640.0, 13.0, 118.0, 26.0, 40.0
     panel, high = (width - label - 8) / columns - 10, row * len(targets)
     height = -(-len(methods) // columns) * (high + top) + bottom
@@ -125,8 +134,8 @@ def score_figure(found: Found, targets: Sequence[str], columns: int = 4) -> Figu
         axes.axvspan(-2, 2, color=BLUE, alpha=BAND, linewidth=0)
         for k, target in enumerate(targets):
             for loud in (False, True):
-                runs = found[method, target].runs[:DRAWN] if (method, target) in found else []
-                z = np.clip(scores([run for run in runs if run.warned == loud]), -6, 6)
+                case = cases.get(f"{method}, {target}", {"scores": [], "grey": []})
+                z = np.clip([z for i, z in enumerate(case["scores"]) if (i in case["grey"]) == loud], -6, 6)
                 at, far = k + np.linspace(-0.3, 0.3, z.size), np.abs(z) > 2
                 for pick, color in ((far, DOTS if loud else ORANGE), (~far, DOTS if loud else BLUE)):
                     draw_dots(axes, z[pick], at[pick], color=color, size=2.0)
@@ -141,43 +150,40 @@ def score_figure(found: Found, targets: Sequence[str], columns: int = 4) -> Figu
     return figure
 
 
-def _benign_row(method: str, target: str, case: Case) -> str:
-    silent = _silent(case)
-    z = scores(silent)
+def _benign_row(method: str, target: str, one: Mapping[str, Any]) -> str:
     share = spread = stated = "–"
-    if z.size:
-        chance = np.sqrt(EXPECTED * (1 - EXPECTED) / z.size)
-        share = f"{np.mean(np.abs(z) <= 2):.3f} ± {chance:.3f}{' **low**' if is_low(case) else ''}"
-        stated = f"{np.median([run.stated for run in silent]):.2g}"
-        spread = f"{z.std(ddof=1):.2f}" if z.size > 1 else "–"
-    mean = _mean(silent if z.size else [run for run in case.runs if np.isnan(run.stated)])
-    return _row(method, target, len(case.runs), len(case.runs) - len(silent), share, spread, mean, stated, _count(case))
+    if silent := one["silent"]:
+        chance = np.sqrt(EXPECTED * (1 - EXPECTED) / silent)
+        share = f"{one['silent within'] / silent:.3f} ± {chance:.3f}{' **low**' if is_low(one) else ''}"
+        stated = f"{one['stated']:.2g}"
+        spread = f"{one['spread']:.2f}" if one["spread"] is not None else "–"
+    mean = _mean_words(one["silent mean"])
+    return _row(method, target, one["runs"], one["warned"], share, spread, mean, stated, _count(one["evaluations"]))
 
 
-def _hard_row(method: str, target: str, case: Case) -> str:
-    within = np.mean([abs(run.error) <= 2 * run.stated for run in case.runs])
-    loud = np.mean([run.warned for run in case.runs])
-    cells = [target, method, len(case.runs), f"{within:.0%}", f"{loud:.0%}", mutes(case), _mean(case.runs)]
-    return _row(*cells, _count(case))
+def _hard_row(method: str, target: str, one: Mapping[str, Any]) -> str:
+    shares = (f"{one[key] / one['runs']:.0%}" for key in ("within", "warned"))
+    return _row(
+        target, method, one["runs"], *shares, one["wrong"], _mean_words(one["mean"]), _count(one["evaluations"])
+    )
 
 
 def _silent(case: Case) -> list[Run]:
     return [run for run in case.runs if not run.warned]
 
 
-def _mean(runs: Sequence[Run]) -> str:
+def _mean(runs: Sequence[Run]) -> list[float] | None:
     """Mean error and its own standard error."""
     errors = np.array([run.error for run in runs if np.isfinite(run.error)])
-    return f"{errors.mean():+.2g} ± {errors.std(ddof=1) / np.sqrt(errors.size):.1g}" if errors.size > 1 else "–"
+    return [float(errors.mean()), float(errors.std(ddof=1) / np.sqrt(errors.size))] if errors.size > 1 else None
 
 
-def _count(case: Case) -> str:
-    """Evaluations of one run."""
-    return f"{case.evaluations:,}".replace(",", " ") if case.evaluations else "–"
+def _mean_words(mean: Sequence[float] | None) -> str:
+    return f"{mean[0]:+.2g} ± {mean[1]:.1g}" if mean else "–"
 
 
-def _short(x: float) -> float | None:
-    return float(f"{x:.5g}") if np.isfinite(x) else None
+def _count(evaluations: int | None) -> str:
+    return f"{evaluations:,}".replace(",", " ") if evaluations else "–"
 
 
 def _row(*cells: object) -> str:

@@ -4,19 +4,21 @@
 on new runs. Vehicles with a late thruster, a backlash, waves, a drifting current, a dead zone, drag of other powers, another mass than
 stated, and more, are simulated by a plain loop that shares no code with seatrial. Three runs of each are fitted by a model that lacks the
 effect. For the bands three new ones are predicted, the verdict is read, and what it claims is checked on further runs, which neither the
-fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes tables in
-docs/dev/held_back.md; of the coefficients one for effects in the list of those tried, and one for the others.
+fit nor the verdict has seen. About a second for each vehicle; what is done is kept in outputs/held_back. Writes the numbers in
+docs/dev/held_back_coefficients.json or docs/dev/held_back_bands.json, and from these the tables in docs/dev/held_back.md; of the
+coefficients one for effects in the list of those tried, and one for the others.
 """
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import jax
 import numpy as np
+import study_numbers
 
 import seatrial as st
 from seatrial.core.files import write_text
@@ -30,6 +32,7 @@ from seatrial.sampling.run import Draws
 from seatrial.selection.importance import ImportanceSettings, importance_sample
 
 HERE = Path(__file__).parent
+COMMAND = "python docs/held_back.py"
 STATE = HERE.parent / "outputs" / "held_back"
 SAVED_EVERY = 10
 """Vehicles after which what is done is kept."""
@@ -122,6 +125,8 @@ DRIFT = 40.0
 """Memory of the current, s."""
 
 
+BAND_ERRORS = ("white", "drifting")
+"""Models of the error with which bands are judged."""
 BANDS = ("nothing", "lag", "waves", "current", "current, long runs", "dead zone", "cubic")
 """Kinds of which the bands are judged."""
 PRIORS = {"X_u": st.Normal(-1.2, 1.5), "X_uabsu": st.Normal(-3.0, 3.0), "T_nabsn": st.Normal(6e-4, 3e-4)}
@@ -135,10 +140,11 @@ def main() -> None:
     parser.add_argument("table", choices=["coefficients", "bands"])
     parser.add_argument("--vehicles", type=int, default=200)
     parser.add_argument("--kinds", nargs="*")
-    parser.add_argument("--errors", nargs="*", default=["white", "drifting"])
+    parser.add_argument("--errors", nargs="*", default=[*BAND_ERRORS])
     asked = parser.parse_args()
     st.configure()
-    is_bands, rows = asked.table == "bands", []
+    study_numbers.commit()
+    is_bands, numbers = asked.table == "bands", {}
     kinds = asked.kinds or [*(BANDS if is_bands else KINDS)]
     for kind in kinds:
         count = round(asked.vehicles * KINDS[kind].share)
@@ -152,12 +158,15 @@ def main() -> None:
                     if len(found) in (count, *range(0, count, SAVED_EVERY)):
                         path.parent.mkdir(parents=True, exist_ok=True)
                         write_text(path, json.dumps(found))
-            rows.append(
-                band_row(KINDS[kind].words, error, found) if is_bands else coefficient_row(KINDS[kind].words, found)
-            )
-            print(rows[-1], flush=True)
-    if not asked.kinds:
-        _write(asked.table, rows)
+            if is_bands:
+                numbers[f"{kind}, {error}"] = band_numbers(found)
+                print(band_row(kind, error, numbers), end="", flush=True)
+            else:
+                numbers[kind] = coefficient_numbers(found)
+                print(coefficient_row(kind, numbers), end="", flush=True)
+    if not asked.kinds and asked.errors == [*BAND_ERRORS]:
+        study_numbers.keep(f"held_back_{asked.table}", numbers)
+        study_numbers.show("held_back", tables(asked.table, numbers), f"{COMMAND} {asked.table}")
 
 
 def vehicles(kind: str, count: int, number_of_runs: int) -> Iterator[tuple[dict[str, float], list[st.Record]]]:
@@ -290,36 +299,39 @@ def drawn(posterior: Posterior, mode: Mode) -> Draws:
     return Draws(z[None], np.zeros((1, DRAWS)), 1.0, 0, mode.names, mode.units, values[None])
 
 
-def coefficient_row(words: str, found: list[dict]) -> str:
-    """Return one line of the table of coefficients."""
+def coefficient_numbers(found: list[dict]) -> dict:
+    """Return shares of coefficients inside the ± of the model and inside the one ±, all and each, and its width over the model's."""
     off = np.abs([one["off"] for one in found]) / 1.6449
-    cells = [f"{np.mean(off < 1):.0%}"]
+    numbers = {"vehicles": len(found), "model": float(np.mean(off < 1))}
     for stated in STATED:
         ratio = np.array([one[stated] for one in found])
-        each = ", ".join(f"{share:.0f}" for share in 100 * np.mean(off < ratio, 0))
-        widths = ", ".join(f"{width:.3g}" for width in np.median(ratio, 0))
-        cells += [f"{np.mean(off < ratio):.0%} ({each})", f"{np.median(ratio):.3g} ({widths})"]
-    return f"| {words} | {len(found)} | " + " | ".join(cells) + " |"
+        numbers[stated] = {
+            "covers": float(np.mean(off < ratio)),
+            "each covers": np.mean(off < ratio, 0).tolist(),
+            "width": float(np.median(ratio)),
+            "each width": np.median(ratio, 0).tolist(),
+        }
+    return numbers
 
 
-def band_row(words: str, error: str, found: list[dict]) -> str:
-    """Return one line of the table of bands."""
+def band_numbers(found: list[dict]) -> dict:
+    """Return the number of vehicles, and the shares that `HEADS` names."""
     inside, widened, most = (np.array([one["inside"][key] for one in found]) for key in found[0]["inside"])
     level = np.array([one["level"] for one in found])
     failed, unjudged, passed = level == "fail", level == "unjudged", np.isin(level, ["pass", "caution"])
-    shares = (
-        inside.mean(),
-        np.mean(holds(inside)),
-        failed.mean(),
-        unjudged.mean(),
-        np.mean(holds(inside) | failed),
-        np.mean(passed & (inside < LEVEL - MARGIN)),
-        np.mean(passed & (inside > LEVEL + MARGIN)),
-        widened.mean(),
-        np.mean(most >= LEVEL - MARGIN),
-        np.mean([one["covered"] for one in found]),
-    )
-    return f"| {words} | {error} | {len(found)} | " + " | ".join(f"{share:.0%}" for share in shares) + " |"
+    shares = {
+        "inside 90 % bands": inside.mean(),
+        "held": np.mean(holds(inside)),
+        "fail": failed.mean(),
+        "unjudged": unjudged.mean(),
+        "held or fail": np.mean(holds(inside) | failed),
+        "false pass": np.mean(passed & (inside < LEVEL - MARGIN)),
+        "pass, too wide": np.mean(passed & (inside > LEVEL + MARGIN)),
+        "inside widened bands": widened.mean(),
+        "widest hold 85 %": np.mean(most >= LEVEL - MARGIN),
+        "interval covers": np.mean([one["covered"] for one in found]),
+    }
+    return {"vehicles": len(found), **{words: float(share) for words, share in shares.items()}}
 
 
 def holds(inside: np.ndarray) -> np.ndarray:
@@ -333,31 +345,37 @@ HEADS = {
     "bands": "| the model lacks | error model | vehicles | inside 90 % bands | held | fail | unjudged | held or fail | false pass "
     "| pass, too wide | inside widened bands | widest hold 85 % | interval covers |",
 }
-PARTS = "Effects in the list of those tried, and none:", "Effects outside that list:"
+PARTS = {"Effects in the list of those tried, and none:": True, "Effects outside that list:": False}
 """Words above the two tables of coefficients."""
 
 
-def _write(table: str, rows: Sequence[str]) -> None:
-    """Write rows, one for each kind and model of the error, into the page."""
-    text, start, end = (
-        tables(table, rows),
-        f"<!-- results: python docs/held_back.py {table} -->\n",
-        "<!-- end of results -->",
-    )
-    page = HERE / "dev" / "held_back.md"
-    before, _, after = page.read_text().partition(start)
-    write_text(page, f"{before}{start}\n{text}\n{end}{after.split(end, 1)[1]}")
-
-
-def tables(table: str, rows: Sequence[str]) -> str:
+def tables(table: str, found: dict) -> str:
     """Return one table; of coefficients one for effects in the list of those tried, and one for the others."""
-    head = HEADS[table]
-    rule = "|" + "---|" * (head.count("|") - 1)
+    head = f"{HEADS[table]}\n|{'---|' * (HEADS[table].count('|') - 1)}\n"
     if table == "bands":
-        return "\n".join([head, rule, *rows]) + "\n"
-    tried = {kind.words for kind in KINDS.values() if kind.is_tried}
-    parts = [[row for row in rows if (row.split(" | ")[0][2:] in tried) == is_tried] for is_tried in (True, False)]
-    return "\n".join("\n".join([words, "", head, rule, *part]) + "\n" for words, part in zip(PARTS, parts, strict=True))
+        return head + "".join(band_row(kind, error, found) for kind in BANDS for error in BAND_ERRORS)
+    parts = {
+        words: [coefficient_row(name, found) for name, kind in KINDS.items() if kind.is_tried == is_tried]
+        for words, is_tried in PARTS.items()
+    }
+    return "\n".join(f"{words}\n\n{head}{''.join(rows)}" for words, rows in parts.items())
+
+
+def coefficient_row(kind: str, found: dict) -> str:
+    """Return one line of the table of coefficients."""
+    numbers = found[kind]
+    cells = [KINDS[kind].words, str(numbers["vehicles"]), f"{numbers['model']:.0%}"]
+    for one in (numbers[stated] for stated in STATED):
+        each = ", ".join(f"{100 * share:.0f}" for share in one["each covers"])
+        widths = ", ".join(f"{width:.3g}" for width in one["each width"])
+        cells += [f"{one['covers']:.0%} ({each})", f"{one['width']:.3g} ({widths})"]
+    return f"| {' | '.join(cells)} |\n"
+
+
+def band_row(kind: str, error: str, found: dict) -> str:
+    """Return one line of the table of bands."""
+    vehicles, *shares = found[f"{kind}, {error}"].values()
+    return f"| {KINDS[kind].words} | {error} | {vehicles} | " + " | ".join(f"{share:.0%}" for share in shares) + " |\n"
 
 
 if __name__ == "__main__":

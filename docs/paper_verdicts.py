@@ -1,4 +1,7 @@
-"""Write the table of verdicts on the paper, and take its pictures: `python -m studies.remus100 DIR; python docs/paper_verdicts.py DIR`."""
+"""Write the table of verdicts on the paper, and take its pictures: `python -m studies.remus100 DIR; python docs/paper_verdicts.py DIR`.
+
+The items go to docs/dev/paper_verdicts.json, and from there into docs/dev/paper_verdicts.md.
+"""
 
 import json
 import shutil
@@ -6,39 +9,47 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from seatrial.core.files import write_text
+import study_numbers
 
-PAGE = Path(__file__).parent / "dev" / "paper_verdicts.md"
 PICTURES = ("figure-3", "relay", "listing-1", "odds", "iteration")
+VERDICTS = ("reproduced", "not comparable", "contradicted")
 
 
-def page(study: dict) -> str:
+def main(folder: Path) -> None:
+    """Keep counts and items of a study, write the page, and copy the pictures."""
+    study = json.loads((folder / "paper.json").read_text(encoding="utf-8"))
+    study_numbers.keep("paper_verdicts", numbers := numbers_of(study))
+    study_numbers.show("paper_verdicts", tables(numbers))
+    for name in PICTURES:
+        shutil.copy(folder / "figures" / f"{name}.svg", study_numbers.DEV.parent / "explanation" / f"paper-{name}.svg")
+
+
+def numbers_of(study: dict) -> dict:
+    """Return what the study is, its counts, and its items."""
+    count = Counter(item["verdict"] for item in study["items"])
+    counts = {"items": len(study["items"]), **{verdict: count[verdict] for verdict in VERDICTS}}
+    items = [{key: item[key] for key in ("title", "verdict", "because")} for item in study["items"]]
+    return (
+        {"counts": counts}
+        | {key: study[key] for key in ("seatrial_version", "reading", "seed", "sizes")}
+        | {"items": items}
+    )
+
+
+def tables(numbers: dict) -> str:
     """Counts, and each item with its verdict and the reason."""
-    counts = Counter(item["verdict"] for item in study["items"])
-    sizes = study["sizes"]
+    sizes, counts = numbers["sizes"], numbers["counts"]
     lines = [
-        "# Replication: every verdict",
-        "",
-        "The paper is *Experiment Design, Bayesian Estimation and Model Selection of an Autonomous Underwater Vehicle*.",
-        "",
-        "- *Reproduced*: the numbers or the statement hold here too.",
-        "- *Not comparable*: numbers, inputs or seeds are not printed, a formula is misprinted, the paper shows no "
-        "result, or the trial cannot show the stated advantage.",
-        "- *Contradicted*: the result differs from the printed one, or cannot be as printed.",
-        "",
-        f"`python docs/paper_verdicts.py` writes this page from the results of `python -m studies.remus100` (version "
-        f"{study['seatrial_version']}, reading {study['reading']}, seed {study['seed']}). The study has "
+        f"Version {numbers['seatrial_version']}, reading {numbers['reading']}, seed {numbers['seed']}. The study has "
         f"{sizes['filter_seeds']} seeds of the filters, {sizes['chains']} chains of {sizes['draws']:,} draws, and "
         f"{sizes['listing_repeats']} repeats of Listing 1 with {sizes['listing_draws']:,} draws each.",
         "",
-        f"{len(study['items'])} items: "
-        + ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
-        + ".",
+        f"{counts['items']} items: " + ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS) + ".",
         "",
         "| item | verdict | reason |",
         "|---|---|---|",
     ]
-    lines += [f"| {item['title']} | {item['verdict']} | {_cell(item['because'])} |" for item in study["items"]]
+    lines += [f"| {item['title']} | {item['verdict']} | {_cell(item['because'])} |" for item in numbers["items"]]
     return "\n".join([*lines, ""])
 
 
@@ -47,7 +58,4 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    study = Path(sys.argv[1])
-    write_text(PAGE, page(json.loads((study / "paper.json").read_text(encoding="utf-8"))))
-    for name in PICTURES:
-        shutil.copy(study / "figures" / f"{name}.svg", PAGE.parents[1] / "explanation" / f"paper-{name}.svg")
+    main(Path(sys.argv[1]))

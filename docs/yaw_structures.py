@@ -2,23 +2,23 @@
 
 Free-running zigzags of a KVLCC2 model (HSVA, SIMMAN 2008): 10/5, 20/5, 20/10 and 35/5 are fitted, 10/10 and 25/5 only predicted. Sway
 and yaw are driven by the rudder and the measured surge speed; nothing measured of sway or yaw enters a prediction but its first sample.
-Every model is fitted alike: output error with coloured residuals, at the posterior mode. Writes docs/dev/yaw.md.
+Every model is fitted alike: output error with coloured residuals, at the posterior mode. Writes the numbers in docs/dev/yaw.json, and
+from these the tables in docs/dev/yaw.md.
 """
 
 import gzip
 import os
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import study_numbers
 
 import seatrial
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.files import write_text
 from seatrial.core.record import Channel, Provenance, Record, make_record
 from seatrial.estimation.posterior.mode import find_mode
 from seatrial.estimation.posterior.output_error import output_error
@@ -60,6 +60,8 @@ NOMOTO = {
 }
 SPEED, LENGTH = 1.18, 7.0
 """Approach speed, m/s, and length between perpendiculars, m: sizes for priors."""
+SHOWN = 3
+"""Most probable structures that are shown."""
 WIDTH = 10.0
 """Standard deviation of a prior, in shares of the force that its term would need to make all of the motion alone."""
 
@@ -77,16 +79,14 @@ def main() -> None:
     seatrial.configure()
     records = {run: zigzag(run) for run in FITTED + HELD}
     fitted = [records[run] for run in FITTED]
-    start = time.perf_counter()
     screened, library = screen_turning(fitted)
-    seconds = time.perf_counter() - start
     best = screened.posterior.terms(0)
     median = tuple(name for name in library.names if screened.inclusion.get(name, 1.0) > 0.5)
     models = {"screened: most probable": best, "screened: median-probability": median} | NOMOTO
     tried = [try_out(name, terms, records) for name, terms in models.items()]
-    text = report(screened, seconds, tried)
-    print(text)
-    write_text(HERE / "dev" / "yaw.md", text)
+    study_numbers.keep("yaw", numbers := numbers_of(screened, tried))
+    study_numbers.show("yaw", tables(numbers))
+    print(tables(numbers))
 
 
 def zigzag(run: str) -> Record:
@@ -166,41 +166,40 @@ def try_out(name: str, terms: Sequence[str], records: dict[str, Record]) -> Trie
     return Tried(name, tuple(terms), explained)
 
 
-def report(screened: Screening, seconds: float, tried: Sequence[Tried]) -> str:
-    """The page."""
+def numbers_of(screened: Screening, tried: Sequence[Tried]) -> dict[str, Any]:
+    """Return the probabilities of terms and of the first structures, and what each model explains of each run."""
     posterior = screened.posterior
-    heads = "| model | terms | " + " | ".join(
-        run.replace("_", "/") + (" (held back)" if run in HELD else "") for run in FITTED + HELD
-    )
-    rows = [
-        f"| {one.name} | {' '.join(one.terms)} | "
-        + " | ".join(f"{one.explained[run]:.1%}" for run in FITTED + HELD)
-        + " |"
-        for one in tried
-    ]
     inclusion = sorted(screened.inclusion.items(), key=lambda item: -item[1])
-    best = "\n".join(f"| {posterior.probability[i]:.3f} | {' '.join(posterior.terms(i))} |" for i in range(3))
-    return f"""# The yaw of a ship: chosen on four runs, tried on two
+    first = [{"probability": float(posterior.probability[i]), "terms": posterior.terms(i)} for i in range(SHOWN)]
+    return {
+        "structures": posterior.count,
+        "terms": {name: float(p) for name, p in inclusion},
+        "first": first,
+        "rows": screened.fit.status,
+        "models": {one.name: {"terms": one.terms, "explained": one.explained} for one in tried},
+    }
 
-Written by `SEATRIAL_DATA=... python docs/yaw_structures.py`, on the free-running zigzags of a KVLCC2 model at HSVA (SIMMAN 2008).
 
-{posterior.count:,} structures of sway and yaw were screened in {seconds:.1f} s. Probability of each term:
-{", ".join(f"{name} {p:.2f}" for name, p in inclusion)}.
-
-| probability | terms |
-|---|---|
-{best}
-
-{"The rows: " + screened.fit.status if screened.fit.status else "Rows have independent residuals."}
-
-Share of the variance of the yaw rate that each model explains, simulated from the first sample under the rudder and the measured surge
-speed, all fitted alike to the first four runs (output error, coloured residuals, posterior mode). A Nomoto model has no sway; "speed in
-it" lets its terms grow with the measured surge speed as the others' do:
-
-{heads} |
-|---|---|{"---|" * len(FITTED + HELD)}
-{chr(10).join(rows)}
-"""
+def tables(numbers: dict[str, Any]) -> str:
+    """Return what was screened, and what each model explains."""
+    runs = [run.replace("_", "/") + (" (held back)" if run in HELD else "") for run in FITTED + HELD]
+    lines = [
+        f"{numbers['structures']:,} structures of sway and yaw were screened. Probability of each term:",
+        f"{', '.join(f'{name} {p:.2f}' for name, p in numbers['terms'].items())}.",
+        "",
+        "| probability | terms |",
+        "|---|---|",
+        *(f"| {one['probability']:.3f} | {' '.join(one['terms'])} |" for one in numbers["first"]),
+        "",
+        f"The rows: {numbers['rows']}" if numbers["rows"] else "Rows have independent residuals.",
+        "",
+        f"| model | terms | {' | '.join(runs)} |",
+        f"|---|---|{'---|' * len(runs)}",
+    ]
+    for name, model in numbers["models"].items():
+        explained = " | ".join(f"{model['explained'][run]:.1%}" for run in FITTED + HELD)
+        lines.append(f"| {name} | {' '.join(model['terms'])} | {explained} |")
+    return "\n".join([*lines, ""])
 
 
 if __name__ == "__main__":

@@ -4,8 +4,8 @@
 
 What the export keeps is `Exporter.carries`; what it loses is stated by the export itself, and stands beside the difference. A driver of
 a target (`gz.py`, `stonefish.py`, ...) builds a `Twin` from the exported files and calls `run`. `python release/simulators/laboratory.py`
-prints the table of all results, and with `--write` puts it into docs/dev/exports.md. None of it runs in CI: the targets' sources stay
-outside.
+prints the table of all results, and with `--write` keeps its numbers in docs/dev/exports.json and puts it into docs/dev/exports.md. None of
+it runs in CI: the targets' sources stay outside.
 """
 
 import json
@@ -28,6 +28,9 @@ from seatrial.export.write import of_catalogue
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.thrusters import allocation
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
+import study_numbers
+
 VEHICLES = (
     "remus100_hall_anstee",
     "remus100_prestero",
@@ -48,8 +51,9 @@ FLOOR = 1e-3
 ABEAM: Current = (0.0, 0.36, 0.0)
 """Current of the scenario in one, m/s north, east, down."""
 RESULTS = Path(__file__).parent / "results"
-DOCUMENT = Path(__file__).parents[2] / "docs" / "dev" / "exports.md"
-_BEGIN, _END_OF_TABLE = "<!-- results: python release/simulators/laboratory.py --write -->", "<!-- end of results -->"
+COMMAND = "python release/simulators/laboratory.py --write"
+NO_EXPORT = "MSS (Octave)"
+"""Target that only has the same vehicles."""
 _TILT, _START, _END = np.radians(10.0), 1.0, 25.0
 """Angle of the roll release, and when controls change and change back, s."""
 _STEPS = {"n": 0.2, "delta_r": np.radians(4.0), "delta_s": np.radians(2.0)}
@@ -166,10 +170,12 @@ class Results:
 
     Attributes:
         command: that finds it again.
+        commit: of the code that found it.
         left_out: vehicles and scenarios that were not compared, with the reason.
     """
 
     command: str
+    commit: str
     rows: list[Row] = field(default_factory=list)
     signs: list[SignRow] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -198,7 +204,7 @@ def run(
         vehicles: names of the catalogue.
         in_current: twin of a vehicle in a current, for a target that has one.
     """
-    found = Results(command)
+    found = Results(command, study_numbers.commit())
     for label in vehicles:
         try:
             subject = subject_of(label, exporter)
@@ -387,6 +393,7 @@ def store(name: str, found: Results) -> None:
     RESULTS.mkdir(exist_ok=True)
     content = {
         "command": found.command,
+        "commit": found.commit,
         "left_out": found.left_out,
         "rows": [_rounded(asdict(row)) for row in found.rows],
         "signs": [_rounded(asdict(row)) for row in found.signs],
@@ -412,39 +419,58 @@ def load(path: Path) -> Results:
         [kind(**{key: np.inf if value is None else value for key, value in row.items()}) for row in content[part]]
         for kind, part in ((Row, "rows"), (SignRow, "signs"))
     )
-    return Results(content["command"], rows, signs, content["left_out"])
+    return Results(content["command"], content["commit"], rows, signs, content["left_out"])
 
 
-def table(results: Sequence[Results]) -> str:
-    """The table of docs/dev/exports.md: a line for each vehicle in each target."""
+def numbers_of(results: Sequence[Results]) -> dict[str, Any]:
+    """Return a row for each vehicle in each target, and how many exported vehicles are inside their statement, by target and of all."""
+    rows = []
+    for found in results:
+        for target, version, vehicle in dict.fromkeys((row.target, row.version, row.vehicle) for row in found.rows):
+            own = [row for row in found.rows if (row.target, row.vehicle) == (target, vehicle)]
+            signs = [row.same for row in found.signs if (row.target, row.vehicle) == (target, vehicle)]
+            rows.append(
+                {
+                    "target": target,
+                    "version": version,
+                    "commit": found.commit,
+                    "vehicle": vehicle,
+                    "spans, s": {row.scenario: row.span for row in own},
+                    "largest": {row.channel: [row.largest, row.range] for row in _largest_rows(own)},
+                    "signs": [sum(signs), len(signs)],
+                    "inside": all(row.inside for row in own) and all(signs),
+                }
+            )
+    counts: dict[str, dict[str, int]] = {}
+    for row in rows:
+        for name in (row["target"], "all") if row["target"] != NO_EXPORT else ():
+            one = counts.setdefault(name, {"vehicles": 0, "inside": 0})
+            one["vehicles"] += 1
+            one["inside"] += row["inside"]
+    return {"counts": counts, "rows": rows}
+
+
+def tables(numbers: Mapping[str, Any]) -> str:
+    """The table of docs/dev/exports.md."""
     lines = [
         "| target | vehicle | scenarios | largest difference from what the export keeps | signs | inside the statement |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    for found in results:
-        for target, version, vehicle in dict.fromkeys((row.target, row.version, row.vehicle) for row in found.rows):
-            rows = [row for row in found.rows if (row.target, row.vehicle) == (target, vehicle)]
-            signs = [row for row in found.signs if (row.target, row.vehicle) == (target, vehicle)]
-            spans = {row.scenario: row.span for row in rows}
-            scenarios = ", ".join(f"{name} {span:.3g} s" for name, span in spans.items())
-            right = f"{sum(row.same for row in signs)} of {len(signs)}"
-            inside = all(row.inside for row in rows) and all(row.same for row in signs)
-            lines.append(
-                f"| {target} {version} | {vehicle} | {scenarios} | {_largest_words(rows)} | {right} | {'yes' if inside else 'no'} |"
-            )
-    return "\n".join(lines) + "\n"
+    for row in numbers["rows"]:
+        spans = ", ".join(f"{name} {span:.3g} s" for name, span in row["spans, s"].items())
+        largest = ", ".join(
+            f"{channel} {one:.1e} of {reach:.2g} {signal_unit(channel)}"
+            for channel, (one, reach) in row["largest"].items()
+        )
+        same, asked = row["signs"]
+        cells = [f"{row['target']} {row['version']}", row["vehicle"], spans, largest, f"{same} of {asked}"]
+        lines.append(f"| {' | '.join(cells)} | {'yes' if row['inside'] else 'no'} |")
+    return "\n".join([*lines, ""])
 
 
 def all_results() -> list[Results]:
     """The stored results of every target, by name."""
     return [load(path) for path in sorted(RESULTS.glob("*.json"))]
-
-
-def documented(text: str) -> str:
-    """The document with the table of all results between its marks."""
-    head, rest = text.split(_BEGIN, 1)
-    _, tail = rest.split(_END_OF_TABLE, 1)
-    return f"{head}{_BEGIN}\n{table(all_results())}{_END_OF_TABLE}{tail}"
 
 
 def _steady(vehicle: ExportedVehicle) -> tuple[float, dict[str, float]]:
@@ -502,15 +528,14 @@ def _largest(one: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"]) -> fl
     return float(apart.max()) if np.isfinite(apart).all() else float("inf")
 
 
-def _largest_words(rows: Sequence[Row]) -> str:
-    """The velocity and the angle that differ most by their range, of those that move."""
-    parts = []
+def _largest_rows(rows: Sequence[Row]) -> list[Row]:
+    """Rows of the velocity and the angle that differ most by their range, of those that move."""
+    found = []
     for channels in (("u", "v", "w"), ("p", "q", "r"), ("phi", "theta")):
         moving = [row for row in rows if row.channel in channels and row.range > FLOOR]
         if moving:
-            worst = max(moving, key=lambda row: row.largest / row.range)
-            parts.append(f"{worst.channel} {worst.largest:.1e} of {worst.range:.2g} {worst.unit}")
-    return ", ".join(parts)
+            found.append(max(moving, key=lambda row: row.largest / row.range))
+    return found
 
 
 def _rounded(row: dict[str, Any]) -> dict[str, Any]:
@@ -524,6 +549,8 @@ def _rounded(row: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    print(table(all_results()), end="")
+    numbers = numbers_of(all_results())
+    print(tables(numbers), end="")
     if "--write" in sys.argv:
-        DOCUMENT.write_text(documented(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
+        study_numbers.keep("exports", numbers)
+        study_numbers.show("exports", tables(numbers), COMMAND)

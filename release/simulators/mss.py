@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import laboratory
 import numpy as np
 from laboratory import CHANNELS, DURATION, SAMPLE, STEP, History, Results, Scenario, SignRow, State, Subject
+from study_numbers import commit
 
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.motion import motion_of
@@ -202,7 +203,7 @@ def main() -> int:
     parser.add_argument("--source", type=Path, required=True, help="checkout of cybergalactic/MSS")
     parser.add_argument("--version", default="736a3d1", help="commit of the checkout, for the table")
     options = parser.parse_args()
-    found = Results("python release/simulators/mss.py --source FOLDER")
+    found = Results("python release/simulators/mss.py --source FOLDER", commit())
     with tempfile.TemporaryDirectory() as name:
 
         def mss(label: str, substitutions: dict[str, tuple[tuple[str, str], ...]]) -> Mss:

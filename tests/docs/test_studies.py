@@ -1,22 +1,69 @@
 """Pages of studies show the numbers that stand in the JSON files beside them."""
 
+import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "release/simulators"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 
+import benchmark_tables
+import calibration_alarms
+import evidence
+import gpu
+import held_back
+import laboratory
+import paper_verdicts
 import study_numbers
 import term_probabilities
 import towing_tank
 
+PAGES = {
+    "towing_tank": ("towing_tank", "", towing_tank.tables),
+    "term_probabilities": ("term_probabilities", "", term_probabilities.tables),
+    "evidence": ("evidence", "", evidence.tables),
+    "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),
+    "benchmark": ("benchmark", benchmark_tables.COMMAND, benchmark_tables.tables),
+    "exports": ("exports", laboratory.COMMAND, laboratory.tables),
+    "gpu": ("../how-to/cluster", gpu.COMMAND, gpu.tables),
+    "calibration_alarms": ("calibration", calibration_alarms.COMMAND, calibration_alarms.tables),
+} | {
+    f"held_back_{table}": ("held_back", f"{held_back.COMMAND} {table}", partial(held_back.tables, table))
+    for table in held_back.HEADS
+}
+"""By the file of numbers: page below docs/dev, command in its marks if any, and what makes the tables."""
 
-@pytest.mark.parametrize("study", [towing_tank, term_probabilities], ids=lambda study: study.__name__)
-def test_pages_show_the_numbers(study):
-    found = study_numbers.kept(name := study.__name__)
-    assert (study_numbers.DEV / f"{name}.md").read_text().endswith(study.tables(found))
+
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_show_the_numbers(name):
+    page, command, tables = PAGES[name]
+    found = study_numbers.kept(name)
+    assert study_numbers.shown(page, command) == tables(found)
     assert found["commit"]
+
+
+def test_the_table_of_exports_is_that_of_the_results_of_every_target():
+    numbers = json.loads(json.dumps(laboratory.numbers_of(laboratory.all_results())))
+    assert study_numbers.kept("exports") | numbers == study_numbers.kept("exports")
+
+
+def test_tables_are_written_between_their_marks_or_to_the_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(study_numbers, "DEV", tmp_path)
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- results: one -->\n\n| 1 |\n\n<!-- end of results -->\nb\n<!-- results -->\n\n| 2 |\n")
+    study_numbers.show("page", "| 3 |\n", "one")
+    study_numbers.show("page", "| 4 |\n")
+    assert (study_numbers.shown("page", "one"), study_numbers.shown("page")) == ("| 3 |\n", "| 4 |\n")
+    assert page.read_text() == (
+        "a\n<!-- results: one -->\n\n| 3 |\n\n<!-- end of results -->\nb\n<!-- results -->\n\n| 4 |\n"
+    )
+    study_numbers.keep("kept", numbers := {"rows": [[1, None], [2.5, 3]], "words": ["[a  b]"]})
+    assert study_numbers.kept("kept") == {"commit": study_numbers.commit()} | numbers
+    assert "  [1, null],\n" in (tmp_path / "kept.json").read_text()
 
 
 def test_mmg_with_rudder_by_hand():

@@ -49,15 +49,17 @@ def subject(label="bluerov2_heavy"):
 @pytest.mark.proof
 def test_a_twin_of_ourselves_differs_in_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(laboratory, "RESULTS", tmp_path)
-    found, one = laboratory.Results("python mirror.py"), subject()
+    found, one = laboratory.Results("python mirror.py", "1"), subject()
     laboratory.add_vehicle(found, one, Mirror(one.carried.motion))
     assert {row.scenario for row in found.rows} == {"thrust step", "turn", "heave", "roll release"}
     assert max(row.largest for row in found.rows) == 0
     assert found.failures == 0
     laboratory.store("mirror", found)
     (again,) = laboratory.all_results()
-    assert laboratory.table([again]) == laboratory.table([found])
-    assert "mirror 1 | bluerov2_heavy" in laboratory.table([again])
+    numbers = laboratory.numbers_of([again])
+    assert laboratory.tables(numbers) == laboratory.tables(laboratory.numbers_of([found]))
+    assert "mirror 1 | bluerov2_heavy" in laboratory.tables(numbers)
+    assert numbers["counts"]["all"] == {"vehicles": 1, "inside": 1}
 
 
 def test_a_wrong_sign_is_caught():
@@ -110,8 +112,3 @@ def test_a_twin_that_samples_otherwise_is_refused():
     short, long = np.zeros((3, 8)), np.zeros((4, 8))
     with pytest.raises(ValueError, match="samples"):
         laboratory.rows_of("t", "1", "v", "turn", (short, long, long), 0.3)
-
-
-def test_the_document_has_the_table_of_the_stored_results():
-    text = laboratory.DOCUMENT.read_text(encoding="utf-8")
-    assert laboratory.documented(text) == text
