@@ -2,13 +2,21 @@
 
 `claims.toml` has a table for each page: a phrase of the page, or a heading for all that stands under it, and the command, the test or the
 source that its figures come from. A page that a command writes whole, or from `<!-- results -->` on, is named with that command under "*";
-what stands between `<!-- results: COMMAND -->` and `<!-- end of results -->` is named there.
+what stands between `<!-- results: COMMAND -->` and `<!-- end of results -->` is named there. An entry may be a table,
+
+    "slope 0.88 ± 0.07" = { shown = "python docs/study.py", numbers = "slope {study[one arm][slope]:.2f} ± {study[one arm][error]:.2f}" }
+
+in which `numbers` says how the phrase follows from docs/dev/study.json; a phrase that differs is an error. `{x:.0%}` is a share in per cent
+with its sign, and `{x:.0p}` without it.
 """
 
+import json
 import re
+import string
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
@@ -25,7 +33,7 @@ _NOT_A_FIGURE = re.compile(rf"`[^`]*`|^\$\$.*|!?\[[^]]*\]\([^)]*\)|\$[^$]*\$|\((
 
 def main() -> None:
     """Print what is wrong, and exit with 1 if anything is."""
-    wrong = [*unshown(), *broken()]
+    wrong = [*unshown(), *broken(), *different()]
     print("\n".join(wrong) or "every figure has its command, test or source")
     sys.exit(bool(wrong))
 
@@ -36,9 +44,17 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *written]
 
 
+def registered() -> dict[str, dict[str, Any]]:
+    """Return the entries of claims.toml: page -> phrase -> what shows it, or that with the format of its numbers."""
+    return tomllib.loads((DOCS / "claims.toml").read_text(encoding="utf-8"))
+
+
 def claims() -> dict[str, dict[str, str]]:
     """Return what is claimed: page -> phrase -> what shows it."""
-    return tomllib.loads((DOCS / "claims.toml").read_text(encoding="utf-8"))
+    return {
+        page: {phrase: one if isinstance(one, str) else one["shown"] for phrase, one in entries.items()}
+        for page, entries in registered().items()
+    }
 
 
 def unshown() -> list[str]:
@@ -59,6 +75,7 @@ def broken() -> list[str]:
     found = []
     for name, entries in claims().items():
         text = (ROOT / name).read_text(encoding="utf-8") if (ROOT / name).is_file() else ""
+        text = " ".join(text.split())
         for phrase, shown in entries.items():
             if phrase != "*" and phrase not in text:
                 found.append(f'{name}: "{phrase}" is not on the page')
@@ -66,6 +83,38 @@ def broken() -> list[str]:
                 found.append(f'{name}: "{phrase}": {shown} begins with none of {", ".join(SHOWN_BY)}')
             found += [f'{name}: "{phrase}": there is no {place}' for place in _missing(shown)]
     return found
+
+
+def different() -> list[str]:
+    """Return the phrases that differ from the numbers of their studies."""
+    found = []
+    for name, entries in registered().items():
+        for phrase, entry in entries.items():
+            if not isinstance(entry, str):
+                try:
+                    says = re.sub(r"(?<=\d)%", " %", Words().vformat(entry["numbers"], (), Studies()))
+                except (LookupError, OSError, TypeError, ValueError) as error:
+                    says = f"{type(error).__name__} {error}"
+                found += [f'{name}: "{phrase}": its study has "{says}"'] * (says != phrase)
+    return found
+
+
+class Words(string.Formatter):
+    """Formats as `str.format` does, and shares in per cent without a sign."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Return a value in words."""
+        if format_spec.endswith("p"):
+            return format(100 * value, f"{format_spec[:-1]}f")
+        return format(value, format_spec)
+
+
+class Studies(dict):
+    """Numbers of studies by name, read when asked for."""
+
+    def __missing__(self, name: str) -> Any:
+        self[name] = json.loads((DOCS / "dev" / f"{name}.json").read_text(encoding="utf-8"))
+        return self[name]
 
 
 def _missing(shown: str) -> list[str]:

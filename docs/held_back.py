@@ -73,6 +73,7 @@ class Kind:
         further: runs on which the verdict is checked: as many as tell a share of 90 % to a few per cent.
         share: of the vehicles that are asked for.
         is_tried: whether the effect is in the list of those over which the ± averages.
+        is_seen: whether the residuals show it; else only stated errors cover it.
     """
 
     words: str
@@ -86,6 +87,7 @@ class Kind:
     further: int = 10
     share: float = 1.0
     is_tried: bool = False
+    is_seen: bool = True
 
 
 KINDS = {
@@ -98,15 +100,20 @@ KINDS = {
     ),
     "dead zone": Kind("a dead zone", 90.0, thrust=lambda n, size: np.where(np.abs(n) < size, 0.0, n)),
     "cubic": Kind("cubic drag", 2.0, force=lambda t, u, size, phase: -size * u**3, is_tried=True),
-    "mass": Kind("mass off by 2 to 7 %", 0.07, of="mass", least=2 / 7),
-    "scale": Kind("sensor's scale off by 1 to 3 %", 0.03, of="scale"),
-    "inflow": Kind("thrust falls with the inflow", 0.3, inflow=lambda u, size: 1 - size * (u / 1.5) * (1 - u / 3.0)),
-    "power": Kind("drag as u^1.5", 2.0, force=lambda t, u, size, phase: -size * np.abs(u) ** 1.5, least=1 / 4),
+    "mass": Kind("mass off by 2 to 7 %", 0.07, of="mass", least=2 / 7, is_seen=False),
+    "scale": Kind("sensor's scale off by 1 to 3 %", 0.03, of="scale", is_seen=False),
+    "inflow": Kind(
+        "thrust falls with the inflow", 0.3, inflow=lambda u, size: 1 - size * (u / 1.5) * (1 - u / 3.0), is_seen=False
+    ),
+    "power": Kind(
+        "drag as u^1.5", 2.0, force=lambda t, u, size, phase: -size * np.abs(u) ** 1.5, least=1 / 4, is_seen=False
+    ),
     "sway": Kind(
         "coupled with sway",
         0.5,
         force=lambda t, u, size, phase: -12.0 * (size * np.sin(2 * np.pi * t / 20.0 + phase)) ** 2,
         least=0.4,
+        is_seen=False,
     ),
     "backlash": Kind("backlash of the thruster", 15.0, of="backlash", is_tried=True),
 }
@@ -165,6 +172,7 @@ def main() -> None:
                 numbers[kind] = coefficient_numbers(found)
                 print(coefficient_row(kind, numbers), end="", flush=True)
     if not asked.kinds and asked.errors == [*BAND_ERRORS]:
+        numbers["ranges"] = band_ranges(numbers) if is_bands else coefficient_ranges(numbers)
         study_numbers.keep(f"held_back_{asked.table}", numbers)
         study_numbers.show("held_back", tables(asked.table, numbers), f"{COMMAND} {asked.table}")
 
@@ -312,6 +320,26 @@ def coefficient_numbers(found: list[dict]) -> dict:
             "each width": np.median(ratio, 0).tolist(),
         }
     return numbers
+
+
+def coefficient_ranges(found: dict) -> dict[str, list[float]]:
+    """Return the least and the largest share over the kinds of effect, by what the residuals show, and of each coefficient."""
+    wrong = [kind for kind in KINDS if kind != "nothing"]
+    exact, default = ({kind: found[kind][stated] for kind in wrong} for stated in STATED)
+    shares = {
+        "model": [found[kind]["model"] for kind in wrong],
+        "exact, residuals show it": [exact[kind]["covers"] for kind in wrong if KINDS[kind].is_seen],
+        "exact, residuals hardly show it": [exact[kind]["covers"] for kind in wrong if not KINDS[kind].is_seen],
+        "default": [default[kind]["covers"] for kind in wrong],
+        "default, each": [share for kind in wrong for share in default[kind]["each covers"]],
+    }
+    return {words: [min(some), max(some)] for words, some in shares.items()}
+
+
+def band_ranges(found: dict) -> dict[str, list[float]]:
+    """Return the least and the largest share of samples inside the bands by white residuals, if the errors of all runs are alike."""
+    some = [found[f"{kind}, white"]["inside 90 % bands"] for kind in BANDS if KINDS[kind].of != "current"]
+    return {"inside, errors alike": [min(some), max(some)]}
 
 
 def band_numbers(found: list[dict]) -> dict:

@@ -142,6 +142,7 @@ def main() -> None:
         print(one.words, json.dumps(found[one.words], indent=1), flush=True)
     late = max(abs(shift) for run in RUNS for shift in clock_shifts(run))
     results = {"free running": found, "captive": tank, "printed": printed, "largest shift of a clock, s": late}
+    results |= {"less tank, in ±": less_tank(results)}
     study_numbers.keep("towing_tank", results)
     study_numbers.show("towing_tank", tables(results))
 
@@ -352,6 +353,14 @@ def with_rudder() -> dict[str, float]:
     return {name: float(value) for name, value in result.items()}
 
 
+def less_tank(results: Mapping[str, dict]) -> dict[str, float]:
+    """Return by how many ± the example differs from the tank; a derivative without a captive one, from the printed one."""
+    tank, values = results["captive"], next(iter(results["free running"].values()))["values"]
+    true = {name: tank["straight"].get(name, [results["printed"]["hull and rudder"][name]])[0] for name in NAMES}
+    true |= tank["at drift"]
+    return {name: (values[name][0] - one) / values[name][1] for name, one in true.items()}
+
+
 def tables(results: Mapping[str, dict]) -> str:
     """Return the tables of the page: derivatives, forces at drift angles, and the variants."""
     found, tank, printed = results["free running"], results["captive"], results["printed"]
@@ -365,7 +374,7 @@ def tables(results: Mapping[str, dict]) -> str:
         value, sd = first["values"][name]
         own = tank["straight"].get(name)
         cells = [f"{value:.3f} ± {sd:.3f}", f"{own[0]:.3f} ± {own[1]:.3f}" if own else "–", f"{both[name]:.3f}"]
-        cells += [f"{HULL[name]:.3f}" if name in HULL else "–", f"{(value - (own or [both[name]])[0]) / sd:+.1f}"]
+        cells += [f"{HULL[name]:.3f}" if name in HULL else "–", f"{results['less tank, in ±'][name]:+.1f}"]
         result.append(f"| {name.replace('_', chr(39) + '_')} | " + " | ".join(cells) + " |")
     result += [
         "",

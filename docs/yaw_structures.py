@@ -60,6 +60,8 @@ NOMOTO = {
 }
 SPEED, LENGTH = 1.18, 7.0
 """Approach speed, m/s, and length between perpendiculars, m: sizes for priors."""
+SEARCHES = (1, 2, 3)
+"""Keys of the searches for a mode, of which the highest is taken: one in three ends at a lower peak."""
 SHOWN = 3
 """Most probable structures that are shown."""
 WIDTH = 10.0
@@ -153,7 +155,8 @@ def try_out(name: str, terms: Sequence[str], records: dict[str, Record]) -> Trie
         parameters.append(Parameter(f"sigma_{state}", "", "", LogUniform(1e-4, 0.2)))
         parameters.append(Parameter(f"tau_{state}", "s", "", LogUniform(0.5, 100.0)))
     posterior = Posterior(tuple(parameters), likelihood, data)
-    mode = find_mode(posterior, key=jax.random.key(1), starts=512)
+    searches = [find_mode(posterior, key=key) for key in SEARCHES]
+    mode = max(searches, key=lambda one: one.log_density)
     values = dict(zip(posterior.names, mode.values.tolist(), strict=True))
     explained = {}
     for run, record in records.items():

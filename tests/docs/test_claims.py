@@ -24,6 +24,37 @@ def test_no_entry_is_stale(claims):
     assert claims.broken() == []
 
 
+def test_phrases_are_those_of_the_numbers(claims):
+    assert claims.different() == []
+
+
+def test_a_wrong_number_is_found(claims, tmp_path, monkeypatch):
+    (tmp_path / "dev").mkdir()
+    (tmp_path / "dev" / "trial.json").write_text('{"one, two": {"share": 0.876, "slope": [-1.04, 0.07]}}')
+    monkeypatch.setattr(claims, "DOCS", tmp_path)
+    share, slope = "in {trial[one, two][share]:.0%} of", "{trial[one, two][slope][0]:.1f}"
+    phrases = {
+        "in 88 % of": share,
+        "in 87 % of": share,
+        "-1.0": slope,
+        "-1.1": slope,
+        "9": "{trial[three]}",
+        "8": "{none[a]}",
+    }
+    entries = {phrase: {"shown": "python trial.py", "numbers": numbers} for phrase, numbers in phrases.items()}
+    monkeypatch.setattr(claims, "registered", lambda: {"README.md": {"5 s": "make test"} | entries})
+    assert claims.claims()["README.md"]["-1.0"] == "python trial.py"
+    wrong = claims.different()
+    assert wrong[:2] == [
+        'README.md: "in 87 % of": its study has "in 88 % of"',
+        'README.md: "-1.1": its study has "-1.0"',
+    ]
+    assert ['"9": its study has "KeyError' in wrong[2], '"8": its study has "FileNotFoundError' in wrong[3]] == [
+        True,
+        True,
+    ]
+
+
 def test_what_would_be_found(claims, tmp_path, monkeypatch):
     (tmp_path / "docs").mkdir()
     (tmp_path / "README.md").write_text(

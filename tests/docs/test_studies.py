@@ -51,6 +51,46 @@ def test_the_table_of_exports_is_that_of_the_results_of_every_target():
     assert study_numbers.kept("exports") | numbers == study_numbers.kept("exports")
 
 
+def test_counts_are_those_of_what_is_counted():
+    benchmark, verdicts = study_numbers.kept("benchmark"), study_numbers.kept("paper_verdicts")
+    assert benchmark_tables.counted(benchmark["sets"]) == {key: benchmark[key] for key in ("channels", "sets")}
+    assert paper_verdicts.numbers_of(verdicts) | {"commit": verdicts["commit"]} == verdicts
+    for table, ranges in (("coefficients", held_back.coefficient_ranges), ("bands", held_back.band_ranges)):
+        found = study_numbers.kept(f"held_back_{table}")
+        assert {name: list(pair) for name, pair in ranges(found).items()} == found["ranges"]
+
+
+def test_numbers_of_a_set_of_the_benchmark():
+    """A method that is better in one channel by more than a hundredth, one that diverges, and one without a result."""
+
+    def entry(method, crps, failed=""):
+        task = [{"crps": crps, "failed": crps is None, "explained": 0.5, "coverage_90": 0.9, "range_90": [0.8, 1.0]}]
+        runs = [{"channel": "u", "crps": crps and crps + extra, "samples": 10} for extra in (-0.1, 0.0, 0.1)]
+        names = benchmark_tables.TASKS
+        scores = {"pooled": dict.fromkeys(names, task), "runs": dict.fromkeys(names, runs)} if not failed else {}
+        return {"method": method, "seconds_fit": 2.0, "failed": failed, **scores}
+
+    about = {"title": "Pool", "fit": ["a"], "held_back": ["b", "c", "d"], "horizon_s": 10.0}
+    entries = [
+        entry("ours", 0.5),
+        entry("lag", 0.4),
+        entry("n4sid", None),
+        entry("sindy", 0.0, "x, found: no r; give r"),
+    ]
+    found = benchmark_tables.set_numbers({"set": about, "channels": {"u": "m/s"}, "entries": entries})
+    assert found["better"] == {f"{task}, u": {"lag": pytest.approx(0.0)} for task in benchmark_tables.TASKS}
+    numbers = {
+        "bands": benchmark_tables.band_counts([{"entries": entries}]),
+        **benchmark_tables.counted({"pool": found}),
+    }
+    text = benchmark_tables.tables(numbers)
+    assert "| whole run | 1 | 0 | 1 of 1 |" in text
+    assert "| ours | u | 50.0%, 0.5 | 50.0%, 0.5 | 50.0%, 0.5 | 90%, by chance 80% to 100% | 2 |" in text
+    assert "| n4sid | u | diverges | diverges | diverges |  | 2 |" in text
+    assert "run, u (0.5 m/s): lag (0.4, p = 0)" in text
+    assert text.endswith("No result: sindy (no r).\n")
+
+
 def test_tables_are_written_between_their_marks_or_to_the_end(tmp_path, monkeypatch):
     monkeypatch.setattr(study_numbers, "DEV", tmp_path)
     page = tmp_path / "page.md"
