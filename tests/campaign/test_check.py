@@ -171,7 +171,7 @@ def test_commands_that_are_computed_from_the_motion_cast_no_doubt_on_signs(tmp_p
     assert result.exit_code == 0, result.output
     assert "note    tau_X is computed from u" in result.output
     assert "note    u moves against the expected motion (correlation -0." in result.output
-    assert "not judged, as tau_X is computed from measured channels" in result.output
+    assert "not judged, because tau_X is computed from measured channels" in result.output
     assert "scale = -1" not in result.output
     assert "before its command" not in result.output
     assert "changes at nearly every sample" not in result.output
@@ -219,7 +219,7 @@ channels.u = {""",
             "tau_X is about 44.48 N, but the stated trim is 10 N",
         ),
         ('unit = "s"', 'unit = "ms"', 'has a row every 0.0001 s with the unit "ms", where'),
-        ("SCALE", "5.0", "see its trim, which shows the unit better"),
+        ("SCALE", "5.0", "see the finding about its trim, which shows the unit better"),
     ],
 )
 def test_a_record_that_contradicts_the_trim_or_any_clock(tmp_path, old, new, told):

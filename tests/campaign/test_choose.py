@@ -41,7 +41,7 @@ def test_what_decides_nothing_is_not_checked(tmp_path, monkeypatch):
     assert [one.log_value for one in found.evidences] == pytest.approx([exact, other], abs=0.02)
     assert [list(one.diagnostics["methods"]) for one in found.evidences] == [["importance"]] * 2
     assert agreement_words(found.evidences[1], found.rows[1].log_evidence_needed) == (
-        "by importance sampling, with no other method asked; a decision on a term changes if it is wrong by 69 nat"
+        "by importance sampling, without another method; a decision on a term changes if it is wrong by 69 nat"
     )
     assert agreement_counts(["M-0", "M-1"], found.evidences).startswith(
         "Importance sampling gave every evidence. No other"

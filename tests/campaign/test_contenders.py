@@ -79,16 +79,14 @@ def test_the_trial_that_decides_is_inside_the_limits_or_there_is_none(outcome):
     weak = make_contenders(campaign, selection, nats=0.5)
     assert trial_words(weak, doubtful).startswith("no design of this family would decide between M-0 and M-1")
     sure = replace(selection, probability=np.array([0.97, 0.01, 0.01, 0.01]))
-    assert "have decided between M-0 and M-1" in trial_words(one, sure)
+    assert "these data decide between M-0 and M-1" in trial_words(one, sure)
     in_doubt = tuple(replace(one, status="in doubt") for one in selection.evidences)
     shaken = replace(selection, evidences=in_doubt, alarms=("x",), probability=np.array([0.96, 0.04, 0.0, 0.0]))
-    assert trial_words(one, shaken).startswith(
-        "whether these data decide between M-0 and M-1 cannot be said before the evidence is reliable"
-    )
+    assert trial_words(one, shaken).startswith("first make the evidence reliable, to decide between M-0 and M-1: ")
     noisy = replace(
         sure, probability_error=np.array([0.1, 0.1, 0.0, 0.0]), inclusion={"X_u": 0.97}, inclusion_error={"X_u": 0.1}
     )
-    assert "cannot be said before the evidence is reliable: raise `particles`" in trial_words(one, noisy)
-    assert undecided_words(noisy).startswith("not decided: X_u (0.97)")
-    assert undecided_words(doubtful) == ("not decided: X_u (0.50); in brackets the probability that it is needed")
+    assert "to decide between M-0 and M-1: raise `particles`" in trial_words(one, noisy)
+    assert undecided_words(noisy).endswith(": X_u (0.97)")
+    assert undecided_words(doubtful) == ("not decided (with the probability that the term is needed): X_u (0.50)")
     assert "every optional term" in undecided_words(replace(selection, inclusion={"X_u": 0.999}))

@@ -1,4 +1,4 @@
-"""Criteria side by side: differences with their errors, what they tell apart, and what is kept on disk."""
+"""Criteria side by side: differences with their errors, clear differences, and what is kept on disk."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_differences_are_to_the_best_with_the_error_of_the_difference():
         assert table[name][2].error == pytest.approx(np.hypot(np.sqrt(400) * gap.std(ddof=1), np.hypot(0.1, 0.1)))
     assert table["DIC"][2] == pytest.approx((90.0, np.hypot(0.3, 0.3)))
     said = "\n".join(criteria_lines(found))
-    assert "M-2 is behind by DIC, BPIC, AIC, BIC, WAIC, PSIS-LOO; the others cannot be separated" in said
+    assert "M-2 is worse by DIC, BPIC, AIC, BIC, WAIC, PSIS-LOO; the others cannot be separated" in said
     assert "DIC and BPIC decide little" in said
     assert said.count("best ") + said.count("best\n") >= 6
 
@@ -62,7 +62,7 @@ def test_what_is_missing_or_doubtful_is_said_once():
     assert said[0] == "no AIC of M-0: it diverges"
     assert "M-1, WAIC: 2 of 400 measurements are too influential" in said
     nothing = [made("M-0", 0.0, missing=("AIC", "BIC", "WAIC", "PSIS-LOO"))]
-    assert "nothing to compare" in "\n".join(criteria_lines(nothing))
+    assert "no comparison is possible" in "\n".join(criteria_lines(nothing))
 
 
 def test_criteria_survive_the_disk(tmp_path):

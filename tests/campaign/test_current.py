@@ -78,7 +78,7 @@ def test_drag_and_the_current_are_found(tmp_path, sensors, changes):
 def test_without_the_current_the_log_is_said_not_to_fit(tmp_path):
     changes = (("\ncurrent = true", ""), ("channels.u_g", "channels.u"), ("channels.v_g", "channels.v"))
     campaign = write(tmp_path, LOG.replace("u_g", "u").replace("v_g", "v"), *changes)
-    with pytest.raises(InputError, match="the model misses u by more than the sensor's noise can explain"):
+    with pytest.raises(InputError, match="Noise does not explain the error of u"):
         fitted(campaign)
 
 

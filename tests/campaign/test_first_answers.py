@@ -54,10 +54,7 @@ def test_the_mode_and_its_spread(tmp_path):
     assert "log evidence by Laplace" in answer.lines()[0]
     assert [line.split()[0] for line in answer.lines()[1:5]] == ["X_uabsu", "T_nabsn", "noise:", "sigma_u"]
     contents, cause = answer.lines()[5:]
-    assert (
-        "(inertia 5 %, scale of speed sensors 1 % and time of commands 0.5 sample); errors of the formulas of forces (7 %)"
-        in contents
-    )
+    assert "stated inputs (inertia 5 %, speed scale 1 %, time 0.5 sample), force formulas (7 %)" in contents
     assert cause.strip().startswith(
         "X_uabsu and T_nabsn: most of the ± is from forces along X that depart from their formulas. Add terms"
     )
@@ -190,30 +187,32 @@ def test_what_a_regression_leaves_out_is_said(tmp_path):
 
 
 def test_masses_and_known_forces_with_which_all_coefficients_scale_are_named(tmp_path):
-    assert taken_as_exact(load_campaign(write_small(tmp_path / "stated"))) == ""  # the ± holds an error of the inertia
+    assert (
+        taken_as_exact(load_campaign(write_small(tmp_path / "stated"))) == ""
+    )  # the ± contains an error of the inertia
     campaign = load_campaign(write_small(tmp_path / "small", EXACT))
     assert taken_as_exact(campaign).startswith(
-        "assumed exact, in no ±: a mass of 30.48 kg and X_udot = -0.93 kg, to which"
+        "assumed exact, not in the ±: a mass of 30.48 kg and X_udot = -0.93 kg (all"
     )
     example = 'catalogue = "remus100_surge"', 'name = "YOUR VEHICLE"\nmass = "30 kg"\nfixed = { X_udot = -1.0 }'
     held = "[structure]", '[vehicle.trim]\nu = "1.5 m/s"\nn = "1194 rpm"\n[structure]'
     left = load_campaign(write_small(tmp_path / "example", example, held, EXACT))
     assert left.example_vehicle == file_cautions(left)[0]
-    assert taken_as_exact(left).endswith(f"are in proportion. {left.example_vehicle}")
+    assert taken_as_exact(left).endswith(f"scale with them). {left.example_vehicle}")
     known = ('catalogue = "remus100_surge"', 'mass = "30 kg"\nfixed = { X_udot = -1.0, T_nabsn = 6e-4 }')
     no_thrust = 'always = ["X_uabsu", "T_nabsn"]', 'always = ["X_uabsu"]'
     prior = ('[prior.T_nabsn]\ndistribution = "uniform"\nlower = 2.0e-4\nupper = 12.0e-4\n', "")
     trim = ("[structure]", "[structure]"), ("T_nabsn = 6.28e-4\n", "")
     text = write_small(tmp_path / "forced", known, no_thrust, prior, EXACT, *trim) / "campaign.toml"
     text.write_text(text.read_text().replace("fixed = {", 'trim = { u = "1.5 m/s", n = "1194 rpm" }\nfixed = {'))
-    both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2, to which all coefficients of X are in proportion"
+    both = "a mass of 30 kg, X_udot = -1 kg and T_nabsn = 0.0006 kg m/rad^2 (all coefficients of X scale with them)"
     assert both in taken_as_exact(load_campaign(tmp_path / "forced"))
 
 
 def test_thrust_laws_are_named_but_of_thrusters_whose_gain_is_sought():
     """The gain of the third thruster of the example has a prior; the others drive X and N by their law."""
     said = taken_as_exact(load_campaign(Path(__file__).parents[2] / "examples" / "thruster_rov"))
-    assert "the thrust law of f_1, f_2 and f_4, to which all coefficients of X are in proportion" in said
+    assert "the thrust law of f_1, f_2 and f_4 (all coefficients of X scale with them)" in said
 
 
 def test_the_inertia_by_which_all_of_yaw_scales_is_named(tmp_path):
@@ -242,11 +241,9 @@ noise = "0.5 deg/s"
         text += f'[prior.{name}]\ndistribution = "uniform"\nlower = {low}\nupper = {high}\n'
     text += '[design]\ncontrol = "n"\nduration = "60 s"\nactive = "40 s"\nsample_time = "0.1 s"\n'
     text += 'amplitude = { from = "50 rpm", to = "300 rpm", points = 3 }\nperiod = { from = "2 s", to = "40 s", points = 3 }\n'
-    said = (
-        "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2, to which all coefficients of N are in proportion"
-    )
-    assert taken_as_exact(check_text(tmp_path, text)).endswith(f"coefficients of X and T are in proportion; {said}")
+    said = "a moment of inertia of 6.8 kg m^2 and N_rdot = -5.5 kg m^2 (all coefficients of N scale with them)"
+    assert taken_as_exact(check_text(tmp_path, text)).endswith(f"coefficients of X and T scale with them); {said}")
     held = text.replace("fixed = {", "fixed = { N_uudelta_r = -6.5,").replace('"N_ur", "N_uudelta_r"]', '"N_ur"]')
     held = held.replace('[prior.N_uudelta_r]\ndistribution = "uniform"\nlower = -15\nupper = 0\n', "")
-    said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad, to which all coefficients of N are in proportion"
+    said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad (all coefficients of N scale with them)"
     assert said in taken_as_exact(check_text(tmp_path, held))

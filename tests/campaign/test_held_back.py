@@ -127,7 +127,7 @@ def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
     for fit, remedy in ((("1",), "record another run, and name it in `predict`"), (("1", "2"), "move a run from fit")):
         imported = replace(campaign, imports=ImportTable.model_construct(fit=fit, files=()))
         (said,) = held_back_cautions(imported.imports, replace(trials, predict=()))
-        assert "it is not known whether the stated bands hold" in said
+        assert "the bands are not tested on new runs" in said
         assert remedy in said
     assert held_back_cautions(campaign.imports, replace(trials, predict=())) == []
 
@@ -135,8 +135,8 @@ def test_one_run_that_is_fitted_leaves_the_bands_unjudged(known):
 def test_a_run_beyond_the_fitted_range_is_named(known):
     found, _ = predicted(known, run(known, "2", 1.6 * WAVE, 5))
     assert found.fits[0].outside[0].startswith(("n up to ", "u up to "))
-    assert " where the fit saw " in found.fits[0].reason
-    assert str(fit_complaints(found.fits, found.pooled)[-1]).startswith("held-back run 2 goes beyond what was fitted: ")
+    assert " (fitted up to " in found.fits[0].reason
+    assert str(fit_complaints(found.fits, found.pooled)[-1]).startswith("held-back run 2 leaves the fitted range: ")
 
 
 def test_a_model_that_has_become_wrong_is_an_alarm_with_the_factor_that_would_mend_its_bands(known):

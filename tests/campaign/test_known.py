@@ -73,7 +73,7 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
         "strongest correlation",
         "with X_uabsu",
         "known much better in combination",
-        "least-determined change",
+        "least-determined direction",
     ):
         assert word in said
     alone, _, _ = judged(np.kron(np.eye(3), np.ones((4, 1))) * np.array([10.0, 10.0, 1e5]))
@@ -83,7 +83,7 @@ def test_the_table_names_the_verdict_or_says_that_there_is_none():
     sure = replace(alone, parameters=(replace(first, sd=0.4 * abs(first.value)), *others))
     assert verdict_of(sure) == (BY_ITSELF,)
     unsure = replace(alone, parameters=(replace(first, sd=0.9 * abs(first.value)), *others))
-    assert verdict_of(unsure) == (f"{BY_ITSELF}, but X_u only to ± more than half of the value",)
+    assert verdict_of(unsure) == (f"{BY_ITSELF}, but the ± of X_u exceeds half of the value",)
 
 
 def test_terms_that_only_the_speed_separates_are_named():
@@ -92,8 +92,8 @@ def test_terms_that_only_the_speed_separates_are_named():
     parameters = tuple(KnownParameter(name, "1", 1.0, sd, sd, 0.1, "", 0.0) for name, sd in relative.items())
     (one,) = Known("after", "M-0", parameters, (), ()).speed_pairs
     assert sentence(one) == (
-        "N_v and N_uv differ by a factor u alone, and these runs do not separate them: the ± of N_v is 60% of its value. "
-        "Keep N_uv, which scales with the speed, and leave N_v out; or fit runs at another speed too"
+        "N_v and N_uv differ only by a factor u, and these runs do not separate them: the ± of N_v is 60% of its value. "
+        "Keep N_uv, which scales with the speed, and leave N_v out, or fit runs at another speed too"
     )
 
 

@@ -88,18 +88,18 @@ def test_what_to_do_is_told_once_for_all_channels_and_runs():
     narrow = [fit(run, channel=channel, coverage=0.7, variance=2.5) for channel in ("u", "r") for run in ("a", "b")]
     (said,) = sentences(fit_complaints(narrow))
     assert said.endswith(
-        "; likewise b; likewise r of a, b. Look at its residuals for outliers, a wrong unit or a missing term"
+        "; likewise b; likewise r of a, b. Look in its residuals for outliers, a wrong unit or a missing term"
     )
     assert narrow[0].finding == narrow[0].statement
     assert narrow[0].reason == f"{narrow[0].statement}; {narrow[0].advice}"
 
 
 def test_where_a_run_leaves_the_fitted_range_is_told_once():
-    outside = ("u up to 2 m/s where the fit saw 1",)
+    outside = ("u up to 2 m/s (fitted up to 1)",)
     poor = replace(fit("a", held_back=True, explained=0.3), outside=outside)
     (first, left) = sentences(fit_complaints([poor, replace(fit("b", held_back=True), outside=outside)]))
-    assert "; it goes beyond what was fitted: u up to 2 m/s where the fit saw 1. Add a term" in first
-    assert left == "held-back run b goes beyond what was fitted: u up to 2 m/s where the fit saw 1"
+    assert "; outside the fitted range: u up to 2 m/s (fitted up to 1). Add a term" in first
+    assert left == "held-back run b leaves the fitted range: u up to 2 m/s (fitted up to 1)"
 
 
 def pooled(scale):

@@ -240,10 +240,10 @@ def test_a_channel_that_the_trial_does_not_move_is_told_with_the_key_that_moves_
     (tmp_path / "campaign.toml").write_text(BOAT)
     lines = prior_lines(predict_from_prior(load_campaign(tmp_path)), shown_as_written({}))
     assert (
-        "r does not move in this trial, so its priors mean nothing here: `together` of [design] moves tau_N as well"
+        "r does not move in this trial, so its priors have no effect: `together` of [design] moves tau_N as well"
         in lines
     )
-    assert next(line for line in lines if line.startswith("N_rabsr")).endswith("nothing that this trial moves")
+    assert next(line for line in lines if line.startswith("N_rabsr")).endswith("no motion in this trial")
     assert any(line.startswith("u: 90 % of draws between") for line in lines)
     moved = BOAT.replace("duration =", 'together = { tau_N = "5 N m" }\nduration =')
     (tmp_path / "campaign.toml").write_text(moved)

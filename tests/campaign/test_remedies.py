@@ -141,7 +141,7 @@ def test_no_fault_of_a_record_is_blamed_for_a_noise_that_is_small(tmp_path, monk
     with pytest.raises(InputError) as caught:
         modes.check_prior_of(SimpleNamespace(campaign=SimpleNamespace(where_of_prior=str), records=()), None, None)
     assert ("a step that blurs" in caught.value.remedy) == is_fault
-    assert is_fault or remedy(finding).startswith("widen [prior.sigma_r]: its lower bound to 1e-06 rad/s")
+    assert is_fault or remedy(finding).startswith("lower the lower bound of [prior.sigma_r] to 1e-06 rad/s")
 
 
 def test_axes_of_an_unknown_mass_are_those_that_move(tmp_path):
@@ -164,13 +164,13 @@ def edited(text, kind, of, said):
         text = re.sub(r"\noptional = .*", "", text)
         return text.replace("[structure]\n", f"[structure]\noptional = {[*optional, name]}\n") + prior.format(name)
     if kind == "clock":
-        assert 'write between = "line" for their channels' in said
+        assert 'set between = "line" for their channels' in said
         return re.sub(r'(quantity = "control"[^}}]*) }}', r'\1, between = "line" }', text)
     if kind == "smooth force":
-        assert "structure.optional, with priors" in said
+        assert "to structure.optional" in said
         return text
     if kind == "backlash":
-        assert said.startswith("give the measured speed or angle")
+        assert said.startswith("use the measured speed or angle")
         return text
     if kind == "command offset":
         assert "`offset` of its channel" in said

@@ -61,6 +61,6 @@ def test_a_difference_beyond_the_stated_deviation_is_a_caution():
         pytest.approx(0.05),
     )
     assert sentence(one) == (
-        "held-back run circle: M-0 and M-1, which the data do not tell apart, predict u differently: the standard deviation between them "
-        "is 0.1 m/s, that of M-0 alone 0.05 m/s. Fit a run like it, which tells the structures apart"
+        "held-back run circle: M-0 and M-1, which the data do not separate, predict u differently: the standard deviation between them "
+        "is 0.1 m/s, that of M-0 is 0.05 m/s. Fit a run like it, which separates the structures"
     )

@@ -46,7 +46,7 @@ def test_ends_are_written_for_one_run_or_all(folder):
     assert run(folder, "--run", "2", "--start", "2 s", "--end", "5000 ms").exit_code == 0
     for_all = run(folder, "--start", "1 s")
     assert for_all.exit_code == 0
-    assert "run 2 keeps its own start and end" in for_all.output
+    assert "run 2 has a separate start and end" in for_all.output
     content = tomllib.loads((folder / "campaign.toml").read_text())["import"]
     assert content["trim"] == {"2": {"start": "2 s", "end": "5000 ms"}}
     assert (content["start"], content["end"]) == ("1 s", "18 s")
@@ -117,7 +117,7 @@ def test_a_run_that_is_shorter_than_the_others_is_told(folder):
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:101]))
     told = run(folder, "--end", "15 s")
     assert told.exit_code == 0
-    assert "the files of some runs end before --end, and the runs with them: run 2 at 9.9 s" in told.output
+    assert "the files of some runs end before --end, so these runs end there: run 2 at 9.9 s" in told.output
     path = folder / "campaign.toml"
     path.write_text(path.read_text() + '\n[import.trim.2]\nend = "900 s"\n')
     assert 'run 2, its files end at 9.9 s, before its end = "900 s": it ends with them' in run(folder).output

@@ -92,8 +92,8 @@ def test_in_a_terminal_a_template_or_a_vehicle_is_one_answer(monkeypatch, tmp_pa
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--template", "design", "--vehicle", "remus100_prestero"], "beside it"),
-        (["--log", "dive.csv", "--template", "log"], "beside it"),
+        (["--template", "design", "--vehicle", "remus100_prestero"], "--vehicle or --log too"),
+        (["--log", "dive.csv", "--template", "log"], "--vehicle or --log too"),
         (["--vehicle", "remus100_fossen"], "no sum of named coefficients"),
     ],
 )

@@ -207,7 +207,7 @@ def test_a_file_changed_meanwhile_is_not_overwritten(tmp_path):
     (tmp_path / "campaign.toml").write_text(TEXT)
     seen = read_file(tmp_path)
     (tmp_path / "campaign.toml").write_text(TEXT + "# somebody else\n")
-    with pytest.raises(InputError, match="somebody changed since"):
+    with pytest.raises(InputError, match="changed after it was read"):
         write_file(tmp_path, "new", seen)
     write_file(tmp_path, "new", read_file(tmp_path))
     assert read_file(tmp_path) == "new"

@@ -385,7 +385,9 @@ def test_commands_stand_in_groups(tmp_path, page):
         page.get_by_role("navigation").get_by_role("link", name="Run", exact=True).click()
         page.get_by_role("combobox", name="Command", exact=True).click()
         shown = page.get_by_role("listbox").inner_text().splitlines()
-        assert shown.index("Before a trial") < shown.index("prior: what the priors mean as speeds") < shown.index("Fit")
+        assert (
+            shown.index("Before a trial") < shown.index("prior: the speeds that the priors allow") < shown.index("Fit")
+        )
         page.get_by_role("option", name="estimate: coefficients of every structure", exact=True).click()
         page.get_by_role("combobox", name="by", exact=True).wait_for()
     assert page.said == []

@@ -47,7 +47,7 @@ def test_a_model_that_is_best_passes():
     assert "better than every baseline; the best of them is a lag" in comparison_text(found)
     close = compare("u", runs_of(1), off(0.0, count=1), {"a lag": off(0.003, count=1)})
     assert (close.level, close.p_value > 0.05) == ("pass", True)
-    assert "better than every baseline, though chance may do as much (p = 0." in comparison_text(close)
+    assert "better than every baseline, which chance may explain (p = 0." in comparison_text(close)
 
 
 def test_a_model_that_is_clearly_worse_fails():
@@ -69,10 +69,12 @@ def test_bands_alone_may_be_why():
 def test_a_little_worse_is_a_caution():
     found = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)})
     assert found.level == "caution"
-    assert comparison_text(found).endswith("the model does not beat it; prefer the simpler model, or correct the model")
+    assert comparison_text(found).endswith("prefer it, as the simpler model, or correct the model")
     same = compare("u", runs_of(), off(0.05), {"a lag": off(0.04)}, ["a lag"])
     assert same.level == "caution"
-    assert comparison_text(same).endswith("it predicts as well; it has the same equations, so it is no simpler model")
+    assert comparison_text(same).endswith(
+        "it predicts as well, but is no simpler model, because it has the same equations"
+    )
 
 
 def test_chance_alone_rarely_fails():
@@ -134,7 +136,7 @@ def test_what_diverges_loses():
     gone = [Predicted(np.where(TIME > 30, np.inf, MOTION), np.full(TIME.size, 0.1)) for _ in range(4)]
     found = compare("u", runs_of(), gone, {"a lag": off(0.0)})
     assert (found.level, found.p_value) == ("fail", 0.0)
-    assert "the model's u diverges, where a lag does not (9" in comparison_text(found)
+    assert "the model's u diverges, but a lag does not (9" in comparison_text(found)
     assert "diverges" in score_lines(found)[0]
     assert compare("u", runs_of(), off(0.0), {"a lag": gone}).level == "pass"
     both = compare("u", runs_of(), gone, {"a lag": gone})

@@ -129,7 +129,7 @@ def test_what_is_wrong_is_named_from_2_6_standard_errors_on(spoil, few, enough, 
     """A mean of n has the error 1 / sqrt(n), a standard deviation 1 / sqrt(2 n): 0.1 is 2.6 of them for 676 and for 338."""
     assert said in shape_of_ranks(spread_out(**spoil, replicates=enough))
     assert said not in shape_of_ranks(spread_out(**spoil, replicates=few))
-    assert "neither its place nor its width" in shape_of_ranks(spread_out(**spoil, replicates=few))
+    assert "but not its place or width" in shape_of_ranks(spread_out(**spoil, replicates=few))
 
 
 @pytest.mark.parametrize(("replicates", "k"), [(100, 1), (400, 3)])
@@ -169,8 +169,8 @@ def test_words_hold_the_interval_s_share_and_what_chance_allows():
     ranks = np.tile(np.arange(100), 4)
     first, second, both = calibration_lines(Calibration(("a", "b"), np.column_stack([ranks, ranks])))
     low, high = (stats.binom(400, 0.9).ppf(p) / 400 for p in (0.0025, 0.9975))
-    assert first.startswith("a: the 90 % interval holds the truth in 90.0% of 400 replicates")
-    assert f"(chance allows {low:.1%} to {high:.1%}), p = 1.000" in second
+    assert first.startswith("a: the 90 % interval contains the truth in 90.0% of 400 replicates")
+    assert f"(expected {low:.1%} to {high:.1%}), p = 1.000" in second
     assert "of 2 quantities" in both
     assert len(calibration_lines(Calibration(("a",), ranks[:, None]))) == 1
 

@@ -79,7 +79,7 @@ def test_both_known():
 
 def test_one_unknown():
     (said,) = complaints([1, 0], np.diag([1e4, 0]), np.column_stack([1 + SHARP, UNIFORM]))
-    assert said.startswith("the trial says nothing about b: no measurement changes with it; fix it")
+    assert said.startswith("the trial contains no information on b: no measurement changes with it; fix it")
     assert said.endswith("the stated value is the prior's")
 
 
@@ -87,7 +87,7 @@ def test_one_hardly_informed():
     """A precision of a hundredth of the prior's leaves 99.5 % of its standard deviation."""
     draws = np.column_stack([1 + SHARP, UNIFORM])
     (said,) = complaints([1, 0], np.diag([1e4, 0.12 / 100]), draws)
-    assert said.startswith("the data cannot inform b: its standard deviation is 1")
+    assert said.startswith("the data cannot determine b: its standard deviation is 1")
 
 
 @pytest.mark.parametrize(

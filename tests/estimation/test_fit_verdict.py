@@ -129,7 +129,7 @@ def test_slow_residuals():
     beyond = scored(slower, slow=SlowNoise(0.25, 0.5))
     assert verdict(beyond, noise="coloured").remedies == ("drifting-noise",)
     assert verdict(beyond, noise="drifting").remedies == ("missing-term",)
-    assert "after the fitted correlation is taken out" in statement(verdict(beyond, noise="drifting"))
+    assert "although the fit models a correlation" in statement(verdict(beyond, noise="drifting"))
     assert verdict(scored(white() - np.roll(white(), 1), noise=1.4 * NOISE)).level == "pass"
 
 

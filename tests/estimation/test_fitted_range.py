@@ -28,10 +28,10 @@ def record(rudder_deg, speed, label="1", heading=1.0):
 def test_a_run_that_goes_further_is_named_with_how_far_the_furthest_first():
     said = outside_fitted([record(10, 1.2), record(5, 0.9, "2")], record(35, 1.9, "3", heading=9.0))
     assert said[0] in {
-        "delta_r up to 35 deg where the fit saw 10",
-        "delta_r down to -35 deg where the fit saw -10",
+        "delta_r up to 35 deg (fitted up to 10)",
+        "delta_r down to -35 deg (fitted down to -10)",
     }
-    assert "u up to 1.9 m/s where the fit saw 1.2" in said
+    assert "u up to 1.9 m/s (fitted up to 1.2)" in said
     assert len(said) == 4
 
 
@@ -64,15 +64,15 @@ def speeds(values):
     ("values", "said"),
     [
         ([2.09] * 5, ()),
-        ([2.11] * 5, ("u up to 2.11 m/s where the fit saw 2",)),
+        ([2.11] * 5, ("u up to 2.11 m/s (fitted up to 2)",)),
         ([2.11] * 4, ()),
         ([0.91] * 5, ()),
-        ([0.89] * 5, ("u down to 0.89 m/s where the fit saw 1",)),
-        ([2.2] * 5 + [0.7] * 5, ("u down to 0.7 m/s where the fit saw 1", "u up to 2.2 m/s where the fit saw 2")),
+        ([0.89] * 5, ("u down to 0.89 m/s (fitted down to 1)",)),
+        ([2.2] * 5 + [0.7] * 5, ("u down to 0.7 m/s (fitted down to 1)", "u up to 2.2 m/s (fitted up to 2)")),
     ],
 )
 def test_a_range_is_left_by_a_tenth_of_it_and_by_a_hundredth_of_the_samples(values, said):
-    """Fitted from 1 to 2 m/s: 0.1 m/s beyond is told, and five of 500 samples; the furthest comes first."""
+    """Fitted from 1 to 2 m/s: 0.1 m/s outside is reported, and five of 500 samples; the furthest comes first."""
     assert outside_fitted([speeds([2.0])], speeds(values)) == said
 
 
@@ -84,4 +84,4 @@ def test_full_turns_of_roll_are_not_beyond_what_was_fitted():
         return make_record(TIME, columns, channels, Provenance("own", ""), "1")
 
     assert outside_fitted([rolling(185)], rolling(735)) == ()
-    assert outside_fitted([rolling(20)], rolling(60))[0].endswith("60 deg where the fit saw 20")
+    assert outside_fitted([rolling(20)], rolling(60))[0].endswith("60 deg (fitted up to 20)")

@@ -213,7 +213,7 @@ def test_unknown_bias_and_start_destroy_the_drag():
     said = "\n".join(identifiability_cautions(found))
     assert "X_u would be" in said
     assert "not even its sign" in said
-    assert "measure the current by itself" in said
+    assert "measure the current, run both ways" in said
 
 
 def unseen_case(*lost):
@@ -245,13 +245,13 @@ def test_every_channel_missing():
     target = unseen_case("u", "udot")
     found = identifiability_of_fit(target, find_mode(target, key=KEY), at=AT)
     assert found.untouched == target.names
-    assert identifiability_cautions(found)[0].startswith("the data say nothing about any parameter")
+    assert identifiability_cautions(found)[0].startswith("the data contain no information on any parameter")
 
 
 def test_model_that_diverges():
     """Nothing is invented where the likelihood has no derivatives."""
     found = identify(WIDE, np.ones(3), np.full((3, 3), np.nan))
-    assert identifiability_cautions(found)[0].startswith("not judged")
+    assert identifiability_cautions(found)[0].startswith("identifiability is not judged")
 
 
 def unknown(values):
@@ -382,13 +382,13 @@ def judged(**numbers):
     ("sd", "said"),
     [
         ([0.2, 0.1, 0.01], []),
-        ([0.2, 4.4, 0.01], ["(practical): the data narrow the prior but determine not even its sign"]),
-        ([0.2, 4.6, 0.01], ["the data cannot inform X_uabsu: its standard deviation is 92% of the prior's"]),
+        ([0.2, 4.4, 0.01], ["(practical): the data narrow the prior, but determine not even its sign"]),
+        ([0.2, 4.6, 0.01], ["the data cannot determine X_uabsu: its standard deviation is 92% of the prior's"]),
         ([0.99, 0.1, 0.01], []),
         ([1.01, 0.1, 0.01], ["determine little more than its sign"]),
         ([1.03, 0.1, 0.01], ["determine not even its sign"]),
         ([0.2, 0.1, 0.089], []),
-        ([0.2, 0.1, 0.091], ["the data cannot inform sigma_u"]),
+        ([0.2, 0.1, 0.091], ["the data cannot determine sigma_u"]),
     ],
 )
 def test_parameters_that_are_hardly_known_are_named_from_both_sides(sd, said):
@@ -404,11 +404,11 @@ def test_what_the_data_say_nothing_about_is_named():
     untouched = judged(untouched=("sigma_u",))
     assert identifiability_cautions(untouched)[0].startswith("no measurement of u is left")
     said = identifiability_cautions(judged(untouched=("X_u",)))[0]
-    assert said.startswith("the trial says nothing about X_u: no measurement changes with it; move u, fix it")
+    assert said.startswith("the trial contains no information on X_u: no measurement changes with it; move u, fix it")
     (nothing,) = identifiability_cautions(judged(untouched=judged().names))
-    assert nothing.startswith("the data say nothing about any parameter")
+    assert nothing.startswith("the data contain no information on any parameter")
     blind = judged(eigenvalues=np.full(3, np.nan))
-    assert identifiability_cautions(blind)[0].startswith("not judged which parameters the data can determine")
+    assert identifiability_cautions(blind)[0].startswith("identifiability is not judged")
 
 
 def known(text, relative, meaning=""):
@@ -436,7 +436,7 @@ def test_words_of_a_group():
     )[-1:]
     assert line == (
         "known only in combination: X_u + X_uabsu (the drag) to 1 % (1.000 +- 0.010 kg/s); separately X_u to 10 % and X_uabsu as "
-        "-5.0 +- 5.5 kg/m, correlation -0.987; to separate them, cover a wider range of speeds, by larger "
+        "-5.0 +- 5.5 kg/m, correlation -0.987. To separate them: cover a wider range of speeds, by larger "
         "steps, longer periods, a reverse or a coast-down"
     )
 
@@ -466,8 +466,8 @@ def test_shares_and_lists_in_words():
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        (("X_u", "current[1]"), "measure the current by itself"),
-        (("X_u", "bias_u"), "measure the current by itself"),
+        (("X_u", "current[1]"), "measure the current, run both ways"),
+        (("X_u", "bias_u"), "measure the current, run both ways"),
         (("t_d", "T_nabsn"), "fix t_d"),
         (("X_udot", "X_u"), "weigh the vehicle"),
         (("m", "X_u"), "weigh the vehicle"),

@@ -97,8 +97,8 @@ def test_what_a_prior_forbids_is_not_asked():
 def test_sentences():
     one = restrictions_of(["Y_0", "M_w", "N_v"])["port and starboard"]
     assert symmetry_sentence(Symmetry("port and starboard", one, 4.21)) == (
-        "port and starboard alike (Y_0 = 0): log evidence +4.2, the data support it"
+        "port and starboard alike (Y_0 = 0): log evidence +4.2, supported by the data"
     )
     assert symmetry_sentence(Symmetry(TURNED, restrictions_of(["M_w", "N_v"])[TURNED], -999.0)) == (
-        "sideways and up and down alike (N_v = -M_w): log evidence below -20, the data refuse it"
+        "sideways and up and down alike (N_v = -M_w): log evidence below -20, refuted by the data"
     )

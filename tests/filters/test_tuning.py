@@ -70,7 +70,7 @@ def test_well_tuned(seed, gaps):
         ({"r": 0.01}, ("R", "up"), ["chases the noise", "Raise R of u", "udot to a standard deviation of 0.0"]),
         ({"q": 1e4}, ("Q", "down"), ["though not smaller than R", "chases the noise", "Lower Q of u"]),
         ({"q": 1e-4}, ("Q", "up"), ["are correlated in time", "Raise Q of u"]),
-        ({"p": 1e6}, ("P", "down"), ["less than P_0 expects", "Lower P_0 of X_uabsu and T_nabsn"]),
+        ({"p": 1e6}, ("P", "down"), ["P_0 expects the constants to move", "Lower P_0 of X_uabsu and T_nabsn"]),
         ({"p": 1e-3}, ("P", "up"), ["Raise P_0 of X_uabsu and T_nabsn, then check again"]),
     ],
     ids=lambda x: str(x) if isinstance(x, dict) else "",
@@ -320,7 +320,7 @@ def test_what_the_findings_say_in_numbers():
         return sentence(finding)
 
     assert "moved 4 times as far" in words(moved=16.0)
-    assert "20 times less" in words(moved=0.0025)
+    assert "20 times as far as they did" in words(moved=0.0025)
     assert "of T_nabsn grew by 20%" in words(settling=np.array([0.9, 1.2]))
     assert "of X_uabsu still fell by 40%" in words(settling=np.array([0.6, 0.9]))
     assert "NIS 1.5 for each" in words(nis=1.5, spread=np.array([1.0, 4.0]))

@@ -133,7 +133,7 @@ def occupying(folder: Path) -> Iterator[Occupation | None]:
             str(folder),
             found=f"another process at work on this campaign{f': {other.words}' if other else ''}",
             expected="one at a time",
-            remedy="wait until it ends, or stop it; what it has finished is kept",
+            remedy="wait until it ends, or stop it; finished work is kept",
         ) from cause
     except (OSError, NotImplementedError) as cause:  # a folder that cannot be written to, or a disk without locks
         if isinstance(cause, OSError) and cause.errno in _NO_FILE:

@@ -59,8 +59,8 @@ def write_file(folder: Path, text: str, seen: str) -> None:
     if read_file(folder) != seen:
         raise InputError(
             str(folder / CAMPAIGN),
-            found="a file that somebody changed since it was read",
+            found="a file that was changed after it was read",
             expected="the file as it was read",
-            remedy="read it again, then edit; in a browser, copy what you typed before you reload the page",
+            remedy="read it again, then edit; in a browser, copy your text before you reload the page",
         )
     write_text(folder / CAMPAIGN, text)

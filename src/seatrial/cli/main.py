@@ -47,18 +47,18 @@ COMMANDS = {
     "report": Command(report, "Start", "the page of results"),
     "explain": Command(explain, "Start"),
     "vehicle": Command(vehicle, "Before a trial"),
-    "prior": Command(prior, "Before a trial", "what the priors mean as speeds"),
+    "prior": Command(prior, "Before a trial", "the speeds that the priors allow"),
     "design": Command(design, "Before a trial", "the most informative trial"),
-    "plan": Command(plan, "Before a trial", "all trials of a day, or how many trials the goal will take"),
+    "plan": Command(plan, "Before a trial", "all trials of a day, or the number of trials that the goal takes"),
     "simulate": Command(simulate, "Before a trial", "the trial on the simulated vehicle"),
     "live": Command(live, "Before a trial"),
     "estimate": Command(estimate, "Fit", "coefficients of every structure"),
-    "profile": Command(profile, "Fit", "the range of each parameter that the data alone allow"),
+    "profile": Command(profile, "Fit", "the range of each parameter by the data only"),
     "calibrate": Command(calibrate, "Fit", "whether the stated uncertainty is right"),
     "tuning": Command(tuning, "Fit", "whether the filter is tuned"),
-    "select": Command(select, "Decide", "which terms the data support"),
+    "select": Command(select, "Decide", "the terms that the data support"),
     "criteria": Command(criteria, "Decide", "the structures by each information criterion"),
-    "crossvalidate": Command(crossvalidate, "Decide", "which model predicts runs that were left out"),
+    "crossvalidate": Command(crossvalidate, "Decide", "the model that predicts runs left out best"),
     "next": Command(next_trial, "Decide", "the next trial"),
     "export": Command(export, "Share", "the estimated vehicle as files for a simulator"),
     "schema": Command(schema, "Share"),
@@ -126,9 +126,9 @@ def app_of(commands: Mapping[str, Command]) -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         help="Identify the dynamics of underwater vehicles: design a trial, estimate the coefficients, select the terms that the data "
-        "support, and say what to run next.",
-        epilog="Exit codes: 0 done; 2 the input cannot be used (the message says what is wrong and what to do); 3 done, but a health "
-        "check failed (see the report); 4 the computation failed; 130 interrupted (run again to resume).",
+        "support, and recommend the next trial.",
+        epilog="Exit codes: 0 done; 2 the input cannot be used (the message has the remedy); 3 done, but with an alarm (see the "
+        "report); 4 the computation failed; 130 interrupted (run again to resume).",
     )
 
     @app.callback(invoke_without_command=True)

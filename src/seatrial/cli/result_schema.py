@@ -393,7 +393,7 @@ def schema() -> dict[str, Any]:
     ]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "What seatrial prints with --json",
+        "title": "Output of seatrial with --json",
         "type": "object",
         "properties": properties,
         "required": list(properties),

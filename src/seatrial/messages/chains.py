@@ -17,8 +17,8 @@ def thresholds() -> dict[str, float]:
 def _stuck(values: Mapping[str, Any]) -> str:
     named = ", ".join(map(str, values["stuck"][:5])) + (", ..." if len(values["stuck"]) > 5 else "")
     return (
-        f"{len(values['stuck'])} of {{chains}} chains never moved in {{kept}} draws (chain {named}): they started where the density is "
-        "broken or the proposal is far too wide"
+        f"{len(values['stuck'])} of {{chains}} chains never moved in {{kept}} draws (chain {named}): the density is broken at their "
+        "start, or the proposal is far too wide"
     )
 
 
@@ -38,8 +38,7 @@ ENTRIES = {
     "chains-disagree": Entry(
         title="Chains that disagree",
         sentence="the chains disagree about {subject:and} (R-hat {r_hat:.3f}, at most {limit})",
-        meaning="Each chain explored another part of the posterior, so that their mean and spread are not those of the "
-        "posterior.",
+        meaning="Each chain explored another part of the posterior, so that their mean and spread are wrong.",
         decided="Rank R-hat exceeds {MAX_R_HAT} (Vehtari et al., Bayesian Analysis 16, 2021).",
         example=Finding("chains-disagree", "alarm", ("X_u",), {"r_hat": 1.05, "limit": 1.01}, ("longer-chains",)),
     ),
@@ -73,9 +72,9 @@ ENTRIES = {
 REMEDIES = {
     "check-prior-and-data": Remedy(command="check the prior and the data"),
     "longer-chains": Remedy(
-        command="run longer, warm-up and draws twice as many; if they still disagree, look for two separate explanations of the data"
+        command="double warm-up and draws; if the chains still disagree, look for two separate explanations of the data"
     ),
     "more-draws": Remedy(command=_more),
     "warm-up-longer": Remedy(command="warm up longer, or use another sampler"),
-    "another-sampler": Remedy(command="use adaptive Metropolis, or a prior that keeps clear of it"),
+    "another-sampler": Remedy(command="use adaptive Metropolis, or a prior that excludes this edge or neck"),
 }

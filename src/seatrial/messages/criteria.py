@@ -1,4 +1,4 @@
-"""Information criteria of structures in words: a table of differences, what they tell apart, and nested pairs."""
+"""Information criteria of structures in words: a table of differences, clear differences, and nested pairs."""
 
 from collections.abc import Sequence
 
@@ -8,13 +8,13 @@ from seatrial.core.result_table import aligned
 from seatrial.selection.criterion import METHODS, SMALL_DIFFERENCE, Criteria, Difference, NestedPair, differences
 
 WHY = (
-    "DIC and BPIC decide little: a term without effect changes them by 2 or 3 minus a random 1 ± 1.4, so a few units are noise. "
+    "DIC and BPIC decide little: a term without effect changes DIC by 1 ± 1.4 and BPIC by 2 ± 1.4, so a few units are noise. "
     "Neither penalises a wide prior. Decide by evidence (seatrial select)"
 )
 
 
 def criteria_lines(found: Sequence[Criteria]) -> list[str]:
-    """A table of the differences, and what they tell apart."""
+    """Return a table of the differences, and the clear ones."""
     table = differences(found)
     heads = ["", *(item for name in METHODS for item in ([name, "k-hat"] if name == "PSIS-LOO" else [name])), "terms"]
     rows = []
@@ -31,7 +31,7 @@ def criteria_lines(found: Sequence[Criteria]) -> list[str]:
 
 
 def criteria_cautions(found: Sequence[Criteria]) -> list[str]:
-    """What is missing, or not to be trusted."""
+    """Return missing and unreliable criteria."""
     messages = [text for one in found for text in one.refused]
     messages += [
         f"{one.structure.label}, {name}: {criterion.status}"
@@ -60,10 +60,10 @@ def _cell(difference: Difference) -> str:
 
 
 def _apart(found: Sequence[Criteria], table: dict[str, list[Difference]]) -> list[str]:
-    """Which structures are clearly behind, by which criteria."""
+    """Return which structures are clearly worse, by which criteria."""
     if len(found) < 2:
-        return ["only one structure: there is nothing to compare it with"]
+        return ["only one structure: no comparison is possible"]
     clear = {one.structure.label: [name for name in METHODS if table[name][i].is_clear] for i, one in enumerate(found)}
-    behind = [f"{label} is behind by {', '.join(names)}" for label, names in clear.items() if names]
+    behind = [f"{label} is worse by {', '.join(names)}" for label, names in clear.items() if names]
     rest = "no criterion separates the structures" if not behind else "the others cannot be separated"
-    return [f"beyond {SMALL_DIFFERENCE:g} and two standard errors: {'; '.join([*behind, rest])}"]
+    return [f"differences above {SMALL_DIFFERENCE:g} and two standard errors: {'; '.join([*behind, rest])}"]

@@ -1,4 +1,4 @@
-"""Runs left out in turn, in words: which structure and model of the error predicts them, and whether the evidence agrees."""
+"""Runs left out in turn, in words: the structure and model of the error that predict them best, and whether the evidence agrees."""
 
 from seatrial.core.result_table import aligned
 from seatrial.messages.render import sentence, statement
@@ -7,7 +7,7 @@ from seatrial.selection.cross_validation import Candidate, CrossValidation, gap
 
 def cross_validation_lines(result: CrossValidation) -> list[str]:
     """Return the headline, then the table."""
-    note = "differences to the best: log predictive density of what was left out, nats, ± the standard error over runs or blocks"
+    note = "differences to the best: log predictive density of runs or blocks left out, nats, ± its standard error"
     if not result.found:
         return []
     table = aligned([heads(result), *rows(result)], left=(0, 1, -1))
@@ -15,13 +15,13 @@ def cross_validation_lines(result: CrossValidation) -> list[str]:
 
 
 def new_lines(result: CrossValidation) -> list[str]:
-    """Return the lines for the campaign file that make what is recommended, of each other model of the error once."""
+    """Return the lines for the campaign file that make the recommended setting, of each other model of the error once."""
     lines = {one.error_model: one.lines for one in (result.chosen, result.whole_run) if one and one.lines}
     return [line for name, own in lines.items() for line in (*([f"# error {name}"] * (len(lines) > 1)), *own)]
 
 
 def headline(result: CrossValidation) -> list[str]:
-    """Return what matters most, first."""
+    """Return the recommendation, its reason, and the findings."""
     chosen, whole = result.chosen, result.whole_run
     if chosen is None or whole is None:
         return []
@@ -30,7 +30,7 @@ def headline(result: CrossValidation) -> list[str]:
     why = (
         "it predicts best"
         if best is chosen
-        else f"{best.name} is better by {apart.delta:.1f} ± {apart.std_error:.1f} nats, within what {parts} parts can tell"
+        else f"{best.name} is better by {apart.delta:.1f} ± {apart.std_error:.1f} nats, which {parts} parts cannot resolve"
     )
     lines = [*filter(None, [disagreement(result)])]
     if whole is chosen:
@@ -58,12 +58,12 @@ def _whole_name(one: Candidate) -> str:
 
 
 def disagreement(result: CrossValidation) -> str:
-    """Say where what was left out contradicts the evidence; empty where not."""
+    """Return where runs left out contradict the evidence; empty if they do not."""
     return next((sentence(one) for one in result.findings if one.level == "alarm"), "")
 
 
 def complaints(result: CrossValidation) -> list[str]:
-    """Return what is not to be trusted, and what would be better."""
+    """Return cautions, unreliable candidates and refused ones."""
     cautions = [sentence(one) for one in result.findings if one.level == "caution"]
     cautions += [f"{one.name}: {one.result.status}" for one in result.found if one.result.status]
     return cautions + [f"{one.name}: {one.refused}" for one in result.candidates if one.refused]

@@ -1,4 +1,4 @@
-"""What a search of designs has found, in words: a plan of trials, trials planned together, other sensors, a global search."""
+"""Results of searches of designs in words: a plan of trials, trials planned together, other sensors, a global search."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -28,10 +28,10 @@ def plan_lines(plan: "Plan") -> list[str]:
             if step.stage == number
         ]
     lines.append(f"chance that all goals are met after it: {plan.chance:.2f} ± {plan.chance_error:.2f}")
-    lines.append("of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in plan.goals.items()))
+    lines.append("chance of each goal: " + ", ".join(f"{name} {chance:.2f}" for name, chance in plan.goals.items()))
     if plan.ended_by and plan.further is None:
         reach = f"{MAX_TRIALS} trials of these designs would not reach {plan.asked:g} either"
-        lines.append(f"{plan.ended_by}; {reach}: change goals, sensors or designs")
+        lines.append(f"{plan.ended_by}; {reach}. Change goals, sensors or designs")
     elif plan.ended_by and plan.further is not None:
         trials, seconds, joules = plan.further
         lines.append(
@@ -44,12 +44,12 @@ def plan_lines(plan: "Plan") -> list[str]:
     return [
         *lines,
         f"if time runs short, drop trial {at} first: the chance is then {step.without:.2f}",
-        f"if a goal must go, drop that of {name}: all others are met with chance {plan.without_goal[name]:.2f}",
+        f"to drop a goal, choose that of {name}: the chance of all others is {plan.without_goal[name]:.2f}",
     ]
 
 
 def batch_lines(planned: "PlannedBatch") -> list[str]:
-    """Return the worth of trials that were planned together, and of each with those before it."""
+    """Return the information of trials that were planned together, and of each with those before it."""
     batch, count = planned.found, len(planned.words)
     together = f"{count} trials together" if count > 1 else "1 trial"
     total, repeated, *reached = (
@@ -84,8 +84,8 @@ def sensor_lines(comparison: "SensorComparison") -> list[str]:
 
 
 def search_lines(design: "Searched", family: Family) -> list[str]:
-    """Return the best design of a global search beside that of the grid; whole populations are evaluated in each family."""
-    rest = "" if design.settled else "; the search had not settled: search longer"
+    """Return the best design of a global search and that of the grid; whole populations are evaluated in each family."""
+    rest = "" if design.settled else "; the search has not converged: search longer"
     rounded = f" ({design.budget} asked for: whole populations of {POPULATION} in each family)"
     over = f"{design.evaluations} designs{rounded if design.evaluations != design.budget else ''}"
     best, beside = (f"{value:.3f} {design.unit}".rstrip() for value in (design.utility, design.beside))
@@ -93,7 +93,7 @@ def search_lines(design: "Searched", family: Family) -> list[str]:
         f"global search over {over}: {design_words(family, design.amplitude, design.period)}: "
         f"{best}, the best of the grid ({design.grid}) {beside} by the same measure{rest}",
         *design.safety,
-        *(f"{kind}: no design inside the limits was met" for kind in design.refused),
+        *(f"{kind}: the search found no design inside the limits" for kind in design.refused),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Messages about effects that a model lacks, and about what a ± is made of."""
+"""Messages about effects that a model lacks, and about the parts of a ±."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -28,7 +28,7 @@ def thresholds() -> dict[str, float]:
     }
 
 
-# How the parts of a ± are called, by the fields of `ErrorShares`.
+# Names of the parts of a ±, by the fields of `ErrorShares`.
 NAMES_OF_ORIGINS = {
     "noise": "noise",
     "stated": "stated inputs",
@@ -100,13 +100,13 @@ def _contradicted(values: Mapping[str, Any]) -> str:
     if kind == "clock":
         way = "later" if size > 0 else "earlier"
         return (
-            f"the data ask for commands that act {abs(size):.2g} samples {way}, where ± {values['stated']:g} is stated; or the model "
+            f"by the data, commands act {abs(size):.2g} samples {way}, but ± {values['stated']:g} is stated; or the model "
             "lacks an effect that looks alike"
         )
-    what = f"an inertia along {of}" if kind == "inertia" else f"a scale of the sensor of {of}"
+    what = f"the inertia along {of}" if kind == "inertia" else f"the scale of the sensor of {of}"
     more = "larger" if size > 0 else "smaller"
     return (
-        f"the data ask for {what} that is {percent(abs(size))} (± {error}) {more} than stated, where ± {stated} is stated; or the model "
+        f"by the data, {what} is {percent(abs(size))} (± {error}) {more} than stated, but its stated error is {stated}; or the model "
         "lacks an effect that looks alike"
     )
 
@@ -126,8 +126,8 @@ ENTRIES = {
         title="Missing effect",
         sentence=_missing,
         meaning="A coefficient takes the place of the missing effect: its ± contains the error, and its value is off.",
-        decided="Each effect is fitted to the residuals about the mode: log odds above {MIN_LOG_ODDS:g} (20 to 1), and a coefficient that "
-        "moves by more than {MIN_SHIFT:g} standard deviation.",
+        decided="Each effect is fitted to the residuals about the mode. Its log odds exceed {MIN_LOG_ODDS:g} (20 to 1), and a "
+        "coefficient moves by more than {MIN_SHIFT:g} standard deviation.",
         example=Finding("effect-missing", "caution", ("X_u",), _EXAMPLE, ("actuator-lag", "delay-of-actuators")),
         remedies=(
             "add-force",
@@ -147,18 +147,18 @@ ENTRIES = {
     "main-error": Entry(
         title="Main error",
         sentence=_main,
-        meaning="More data of the same kind would narrow this ± little: its largest part is not the noise, or is slow noise.",
+        meaning="More data of the same kind would hardly reduce this ±: its largest part is not the noise, or is slow noise.",
         decided="Noise makes less than half of the variance, or slow noise makes the ± more than {MIN_SLOW_RATIO:g} times as wide.",
         example=Finding("main-error", "note", ("X_u", "T_nabsn"), {"effects": (("inertia", "X"),)}, ("weigh-vehicle",)),
         remedies=("weigh-vehicle", "calibrate-sensor", "better-noise", "add-force", "compare-runs"),
     ),
     "model-describes-nothing": Entry(
         title="Model describes nothing",
-        sentence="this model does not describe the vehicle: it leaves most of the motion as slow residuals, so each ± is as far as "
-        "the prior reaches",
-        meaning="The coefficients are not estimated: a channel, a sign, a unit or the vehicle is not the one of the model.",
-        decided="With the best of the effects, but for forces that depart from formulas, slow residuals have more than "
-        "{MAX_LEFT:.0%} of the variance of each channel.",
+        sentence="this model does not describe the vehicle: most of the motion remains as slow residuals, so each ± is as wide as "
+        "the prior",
+        meaning="The coefficients are not estimated: a channel, a sign, a unit or the vehicle differs from that of the model.",
+        decided="Slow residuals have more than {MAX_LEFT:.0%} of the variance of each channel, even with the best effect. Forces that "
+        "depart from formulas are not among these effects.",
         example=Finding("model-describes-nothing", "alarm", (), {}, ("check-inputs",)),
         remedies=("check-inputs",),
     ),
@@ -179,18 +179,18 @@ ENTRIES = {
 }
 REMEDIES = {
     "check-inputs": Remedy(
-        command="compare channels, signs, units and times in [import], run `seatrial check`, and look at what acts on the vehicle beside "
-        "its commands",
-        python="compare channels, signs, units and times of the records, and look at what acts on the vehicle beside its commands",
+        command="compare channels, signs, units and times in [import], run `seatrial check`, and look for other forces on the vehicle "
+        "than its commands",
+        python="compare channels, signs, units and times of the records, and look for other forces on the vehicle than its commands",
     ),
     "weigh-vehicle": Remedy(
-        command="weigh the vehicle with the water in it, correct [vehicle], and set estimation.inertia_error to the error of that, such as "
-        "0.01",
+        command="weigh the vehicle with the water in it, correct [vehicle], and set estimation.inertia_error to the error of the scales, "
+        "such as 0.01",
         python="weigh the vehicle with the water in it, correct its mass, and state `StatedErrors(inertia=...)`",
     ),
     "calibrate-sensor": Remedy(
-        command="compare the sensor with a known distance or another sensor, and set estimation.scale_error to the error of that, such as "
-        "0.002",
+        command="compare the sensor with a known distance or another sensor, and set estimation.scale_error to the error of the "
+        "comparison, such as 0.002",
         python="compare the sensor with a known distance or another sensor, and state `StatedErrors(scale=...)`",
     ),
     "add-force": Remedy(
@@ -203,12 +203,12 @@ REMEDIES = {
         python="give `delay` a prior",
     ),
     "measured-command": Remedy(
-        command='if the commands were measured and this is half their sampling time, write between = "line" for their channels in '
-        "[import]; else correct `shift` of their file",
+        command='if the commands were measured and this is half their sampling time, set between = "line" for their channels; '
+        "otherwise correct `shift` of their file",
         python='if the commands were measured and this is half their sampling time, give between="line"',
     ),
     "measured-actuator": Remedy(
-        "give the measured speed or angle of the actuator in place of its command, or remove its backlash"
+        "use the measured speed or angle of the actuator instead of its command, or remove its backlash"
     ),
     "thrust-loss": Remedy(
         command="add the loss of thrust to structure.optional, with a prior: T_un for a propeller, T_f and T_uabsf for thrusters, "
@@ -237,40 +237,39 @@ REMEDIES = {
         python='give the sensors noise="drifting": the residuals are correlated',
     ),
     "wider-structure": Remedy(
-        command="add terms to structure.optional, with priors, give the axis a force with memory by a prior of `disturbance`, or state a "
-        "smaller estimation.force_error if other tests of the vehicle show it",
+        command="add terms with priors to structure.optional, give the axis a force with memory by a prior of `disturbance`, or reduce "
+        "estimation.force_error if tests support that",
         python="make further terms free, with priors, give the axis a force with memory by a prior of `disturbance`, or state "
         "`StatedErrors(force=...)`",
     ),
     "compare-runs": Remedy(
-        command="look for what changed between the runs, or let a coefficient vary by estimation.varying",
-        python="look for what changed between the runs, or let a coefficient vary by `own`",
+        command="look for a change between the runs, or let a coefficient vary by estimation.varying",
+        python="look for a change between the runs, or let a coefficient vary by `own`",
     ),
 }
 
 
 def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
-    """Return what a ± contains beside the noise."""
+    """Return the errors that a ± contains."""
     if not budget.tried:
-        return "± contains the noise alone: beside process noise other errors are not weighed"
+        return "± contains noise only: with process noise, other errors are not computed"
     words = {
         "inertia": f"inertia {percent(stated.inertia)}",
-        "scale": f"scale of speed sensors {percent(stated.scale)}",
-        "clock": f"time of commands {stated.clock:g} sample{'s' * (stated.clock > 1)}",
+        "scale": f"speed scale {percent(stated.scale)}",
+        "clock": f"time {stated.clock:g} sample{'s' * (stated.clock > 1)}",
     }
     kinds = {one.kind for one in budget.stated}
-    inputs = listed([one for kind, one in words.items() if kind in kinds])
-    parts = [f"errors of stated inputs ({inputs}); "] if inputs else []
-    parts += [f"errors of the formulas of forces ({percent(stated.force)}); "] if stated.force else []
-    runs = "differences between runs; " if any(one.kind == "run force" for one in budget.tried) else ""
-    return (
-        f"± contains noise, also slow noise; {''.join(parts)}{runs}and {len(budget.tried)} effects that the model may "
-        f"lack. {'' if inputs else 'Stated inputs are taken as exact. '}Other effects can move values further."
-    )
+    inputs = ", ".join(one for kind, one in words.items() if kind in kinds)
+    parts = ["noise"]
+    parts += [f"stated inputs ({inputs})"] if inputs else []
+    parts += [f"force formulas ({percent(stated.force)})"] if stated.force else []
+    parts += ["differences between runs"] * any(one.kind == "run force" for one in budget.tried)
+    exact = "" if inputs else "; stated inputs are assumed exact"
+    return f"± contains {listed([*parts, f'{len(budget.tried)} possible missing effects'])}{exact}"
 
 
 def shares_text(shares: ErrorShares, cause: str) -> str:
-    """Return what a ± is made of: `stated inputs 82 %, noise 18 %: the stated inertia along X`; empty where it is mostly noise."""
+    """Return the parts of a ±: `stated inputs 82 %, noise 18 %: the stated inertia along X`; empty where it is mostly noise."""
     parts = {NAMES_OF_ORIGINS[one.name]: getattr(shares, one.name) for one in fields(shares)}
     if shares.noise > MOSTLY and not cause:
         return ""

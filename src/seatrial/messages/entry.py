@@ -1,6 +1,6 @@
 """One entry of the catalogue of messages, and the formats of the values in its templates.
 
-A template is a format string over the values of a finding and `subject`. Beside the formats of Python there are
+A template is a format string with the values of a finding and `subject`. Besides the formats of Python there are
 
     {subject:and}       names as a sentence has them: `u, v and w`
     {value:signal}      an SI value in the unit in which the signal of the subject is shown: `12 deg`
@@ -18,7 +18,7 @@ from seatrial.core.display_units import listed, plain, shown_unit
 from seatrial.core.findings import Finding, Value
 
 Form = Literal["command", "python", "page"]
-"""Where a remedy is read: on the terminal beside a campaign file, in a notebook, or in the dashboard."""
+"""Place where a remedy is read: on the terminal with a campaign file, in a notebook, or in the dashboard."""
 Template = str | Callable[[Mapping[str, Any]], str]
 """A format string, or a function of values and subject that returns one: for sentences with parts that depend on a value."""
 
@@ -31,7 +31,7 @@ class Remedy:
         command: with keys of the campaign file or commands.
         python: with arguments of the library; the same as `command` if empty.
         page: with fields of the dashboard; the same as `command` if empty.
-        view: key of the view of the dashboard where it is done; empty where it is done elsewhere.
+        view: key of the view of the dashboard where it is done; empty if it is done elsewhere.
     """
 
     command: Template
@@ -46,16 +46,16 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry: all that is said of one code.
+    """One entry: the texts of one code.
 
     Attributes:
         title: in a few words.
-        sentence: one sentence, without a final stop; by level if the levels differ, the first for those not named; of a pass
-            only the name of the check.
-        meaning: why it matters, in one or two sentences.
+        sentence: one sentence without a final stop, by level if the levels differ (the first for levels not named). A pass has only
+            the name of the check.
+        meaning: its consequence, in one or two sentences.
         decided: how it is decided, with the limits of `thresholds`.
-        example: a finding whose sentence the page shows.
-        remedies: all that a finding of this code may have; those of the example if empty.
+        example: a finding, shown as a sentence on the page.
+        remedies: all remedies of this code; those of the example if empty.
     """
 
     title: str

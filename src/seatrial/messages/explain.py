@@ -46,8 +46,8 @@ def page() -> str:
     """Return the page of all codes."""
     parts = [
         "# Findings\n",
-        "Each message about a result has a code. `seatrial explain CODE` prints its entry, `--json` lists codes under `findings`,\n"
-        'and `[checks] accept = ["CODE"]` in the campaign file turns a caution or alarm that you know of into one line.\n',
+        "Each message about a result has a code. `seatrial explain CODE` prints its entry; `--json` lists codes under `findings`.\n"
+        'If you know of a caution or alarm, `[checks] accept = ["CODE"]` in the campaign file shortens it to one line.\n',
     ]
     for subject, file in SUBJECTS.items():
         parts += [f"## {subject}\n", *(explanation(code, heading="###") for code in file.ENTRIES)]

@@ -1,4 +1,4 @@
-"""Messages about the tuning of a filter: what of P, Q and R to change, and in which direction."""
+"""Messages about the tuning of a filter: which of P, Q and R to change, and in which direction."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,7 +31,7 @@ def _sds(verb: str) -> Template:
 def _entry(
     title: str, sentence: Template, meaning: str, decided: str, code: str, subject: tuple[str, ...], **values: Any
 ) -> Entry:
-    """Return an entry whose finding has the one remedy of its own name."""
+    """Return an entry with one remedy, of the same name as its code."""
     return Entry(title, sentence, meaning, decided, Finding(code, "caution", subject, values, (code,)))
 
 
@@ -49,7 +49,7 @@ ENTRIES = {
     ),
     "p-too-large": _entry(
         "P too large",
-        "the constants moved {ratio:.3g} times less than P_0 expects, so that the first estimates jump about",
+        "P_0 expects the constants to move {ratio:.3g} times as far as they did, so that the first estimates jump about",
         "The first estimates follow the noise.",
         f"{_BAND}, of the normalised distance that the constants moved.",
         "p-too-large",

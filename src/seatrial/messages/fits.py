@@ -89,9 +89,9 @@ ENTRIES = {
     ),
     "prediction-diverges": Entry(
         title="Prediction diverges",
-        sentence="the simulated {subject[0]} grows without bound: the model cannot move as the vehicle did",
+        sentence="the simulated {subject[0]} grows without bound, so the model cannot describe this motion",
         meaning="Coefficients drive the vehicle instead of damping it, or a unit is wrong.",
-        decided="The prediction is not finite, or far beyond all that was measured.",
+        decided="The prediction is not finite, or far beyond all measurements.",
         example=_example("prediction-diverges", "alarm", {}, "tame-priors"),
         remedies=("fit-as-far", "tame-priors"),
     ),
@@ -99,8 +99,8 @@ ENTRIES = {
         title="Too few independent samples",
         sentence=lambda values: f"{_inside(values)}: too few to judge the band",
         meaning="Neighbouring errors are alike, so that one sample more inside the band would change the verdict.",
-        decided="Fewer than {MIN_EFFECTIVE_SAMPLES:g} independent samples; or, of runs that were held back, less than {NARROW:.0%} "
-        "inside the band, as chance allows.",
+        decided="Fewer than {MIN_EFFECTIVE_SAMPLES:g} independent samples. Of held-back runs also less than {NARROW:.0%} inside the band, "
+        "if chance explains it.",
         example=_example(
             "samples-too-few", "note", {**_SCORES, "effective": 4.0, "lower": 0.21, "upper": 0.98}, "hold-back-more"
         ),
@@ -108,7 +108,7 @@ ENTRIES = {
     "band-too-narrow": Entry(
         title="Band too narrow",
         sentence=lambda values: (
-            f"{_inside(values)} and errors are {values['variance'] ** 0.5:.1f} times those stated: the stated bands do not hold "
+            f"{_inside(values)}, and errors are {values['variance'] ** 0.5:.1f} times those stated: the bands are too narrow "
             "(p = {p_value:.1g})"
         ),
         meaning="The stated uncertainty does not describe these runs; do not rely on the ± of the coefficients either.",
@@ -129,7 +129,7 @@ ENTRIES = {
     "band-too-wide": Entry(
         title="Band too wide",
         sentence=lambda values: (
-            f"{_inside(values)}: bands {_WIDEN} as wide are enough; these runs are quieter than the fitted noise"
+            f"{_inside(values)}: bands {_WIDEN} as wide are enough, because these runs have less noise than the fitted ones"
         ),
         meaning="The model predicts more precisely than its band states.",
         decided="More than {WIDE:.0%} inside the 90 % band, by more than chance (p < {CHANCE:g}).",
@@ -150,9 +150,7 @@ ENTRIES = {
     ),
     "coefficients-uncertain": Entry(
         title="Coefficients uncertain",
-        sentence=lambda values: (
-            f"{_explained(values)}, as the uncertainty of the coefficients allows: they are not known well enough"
-        ),
+        sentence=lambda values: f"{_explained(values)}, because the coefficients are not known well enough",
         meaning="The band has the right size, but the coefficients need another trial.",
         decided="Less than {POOR:.0%} of the variance is explained (of all held-back runs together: nothing), and the coefficients make "
         "most of the band.",
@@ -164,8 +162,8 @@ ENTRIES = {
             f"{_explained(values)}: the residuals of the fit, {_noise(values)}, are as large as the motion"
         ),
         meaning="The run is a weak test of the model.",
-        decided="Less than {POOR:.0%} of the variance is explained (of all held-back runs together: nothing), and the noise of the fit is "
-        "more than half of it; or the measurement never changes.",
+        decided="Less than {POOR:.0%} of the variance is explained (of all held-back runs together: nothing), and the noise makes more "
+        "than half of it. Or the measurement never changes.",
         example=_example("noise-hides-motion", "note", _SCORES, "move-more"),
     ),
     "motion-not-predicted": Entry(
@@ -180,16 +178,16 @@ ENTRIES = {
     "course-left": Entry(
         title="Unstable course",
         sentence="{words}",
-        meaning="The model has an eigenvalue above 0 about the steady motion of the run, so that controls alone predict no whole run. "
-        "It is judged over stretches.",
-        decided="A small error grows {MIN_GROWTH:g} times along the run, which is not predicted as a whole. It is an alarm if stretches "
-        "are not predicted either: less than {MIN_EXPLAINED:.0%} of the variance, or less than by holding the measured value.",
+        meaning="The model has a positive eigenvalue about the steady motion of the run, so that controls do not determine a whole run. "
+        "Stretches of it are judged instead.",
+        decided="A small error grows by a factor of {MIN_GROWTH:g} along the run, and the whole run is not predicted. It is an alarm if "
+        "stretches are not predicted either: less than {MIN_EXPLAINED:.0%} of the variance, or less than a constant value explains.",
         example=_example(
             "course-left",
             "caution",
             {
-                "words": "the fitted model leaves its course by itself: a small error grows by e in 17 s (eigenvalue +0.06 1/s), so that "
-                "controls alone cannot predict 150 s of it",
+                "words": "the fitted model is unstable, so controls do not suffice to predict 150 s: a small error grows by e in 17 s "
+                "(eigenvalue +0.06 1/s)",
                 "horizon": 8.0,
             },
             "filter-error",
@@ -200,9 +198,9 @@ ENTRIES = {
         title="Correlated residuals",
         sentence=lambda values: (
             "residuals of {subject[0]} are correlated"
-            + " after the fitted correlation is taken out" * values["modelled"]
+            + " although the fit models a correlation" * values["modelled"]
             + ": the stated standard deviations are too small, by a factor of about {factor:.1f}"
-            + "; the autopilot feeds these errors into the controls, which biases the coefficients" * values["feedback"]
+            + ". The autopilot feeds these errors into the controls, which biases the coefficients" * values["feedback"]
         ),
         meaning="Neighbouring errors are not independent, so the data hold less information than the fit assumes.",
         decided="Sums of residuals of fitted runs vary as if standard deviations were {UNDERSTATED:g} times those stated, by more than "
@@ -214,9 +212,9 @@ ENTRIES = {
     ),
     "runs-leave-course": Entry(
         title="Unstable course",
-        sentence="the bands of {subject[0]} over whole runs cannot be judged, as the vehicle leaves its course by itself",
+        sentence="the bands of {subject[0]} over whole runs cannot be judged, because the fitted model is unstable",
         meaning="See course-left.",
-        decided="Every held-back run leaves its course.",
+        decided="Every held-back run has the finding course-left.",
         example=_example("runs-leave-course", "note", {}),
     ),
 }
@@ -224,14 +222,14 @@ REMEDIES = {
     "check-map": Remedy(command="check the channel map"),
     "fit-as-far": Remedy(command="fit a run that goes as far"),
     "look-at-trial": Remedy(
-        command="look at this trial for a sensor fault, a wrong unit or another condition (current, load, trim), then add a term or fit "
-        "it too"
+        command="look for a sensor fault, a wrong unit or another condition of this trial (current, load, trim); or add a term; or "
+        "fit it too"
     ),
-    "look-at-residuals": Remedy(command="look at its residuals for outliers, a wrong unit or a missing term"),
+    "look-at-residuals": Remedy(command="look in its residuals for outliers, a wrong unit or a missing term"),
     "more-trials": Remedy(command="fit more trials like it, or add a term"),
     "compare-sensors": Remedy(command="check whether the trials have the same sensors"),
-    "next-trial": Remedy(command="run the next trial that is proposed"),
-    "move-more": Remedy(command="use a run that moves more, or add a term if the sensor is better than that"),
+    "next-trial": Remedy(command="run the proposed next trial"),
+    "move-more": Remedy(command="use a run with more motion, or add a term if the sensor has less noise"),
     "add-term": Remedy(command="add a term"),
     "add-delay": Remedy(command="add a delay"),
     "add-error-model": Remedy(
@@ -253,13 +251,12 @@ REMEDIES = {
         command='cut the runs by [import] split = "{horizon:.2g} s"', python="cut the records into {horizon:.2g} s"
     ),
     "drifting-noise": Remedy(
-        command='set estimation.residuals = "drifting", white noise on a slow error; remove [prior.tau_{subject[0]}] where there is one',
+        command='set estimation.residuals = "drifting" (white noise plus a slow error), and remove [prior.tau_{subject[0]}] if the file '
+        "has it",
         python='give the sensors noise="drifting"',
         page="choose drifting residuals on the model page",
     ),
     "missing-term": Remedy(command="look for a missing term"),
-    "widen-bands": Remedy(
-        command=f"widen the bands {_WIDEN}, and do not rely on the standard deviations of the coefficients either"
-    ),
+    "widen-bands": Remedy(command=f"widen the bands {_WIDEN}, and do not rely on the ± of the coefficients either"),
     "hold-back-more": Remedy(command="hold back more or longer runs"),
 }

@@ -1,4 +1,4 @@
-"""What data determine, in words: each parameter, several together, symmetries, and what separates parameters that are known together."""
+"""Identifiability in words: each parameter, several together, symmetries, and trials that separate parameters known together."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from seatrial.estimation.diagnostics.identifiability import Group, Identifiabili
 from seatrial.estimation.diagnostics.symmetry import Restriction, Symmetry
 
 CONTRACTION = 0.9
-"""Posterior over prior standard deviation beyond which the data said nothing."""
+"""Posterior divided by prior standard deviation above which the data have no information."""
 VAGUE = 0.5
 """Relative standard deviation beyond which a coefficient is not known."""
 NOISE = ("sigma_", "tau_", "dof_", "drift_", "process_")
-"""How parameters begin that are of noise alone: that these are known together matters to nobody."""
+"""First letters of parameters of noise; combinations of only these are not reported."""
 SHARP = 0.01
 """Relative standard deviation below which a parameter is known by itself, however strongly it is correlated."""
 WELL = 0.05
@@ -24,11 +24,11 @@ WELL = 0.05
 MAX_LISTED = 8
 """Restrictions that a sentence names."""
 STRONG_EVIDENCE, LEAST_EVIDENCE = 3.0, -20.0
-"""Nats, some 20 to 1, from which the data are said to decide; and below which a normal density says no more than that."""
+"""Nats above which the data decide (20 to 1), and below which a normal density is not accurate."""
 
 
 def identifiability_cautions(result: Identifiability) -> list[str]:
-    """Return what a reader must know or do; empty where each parameter is known by itself."""
+    """Return cautions with remedies; empty if each parameter is known by itself."""
     together = [
         _together(result, group)
         for group in result.groups
@@ -36,18 +36,16 @@ def identifiability_cautions(result: Identifiability) -> list[str]:
     ]
     if np.isfinite(result.eigenvalues).all():
         return [*_structural(result), *_practical(result), *together]
-    blind = (
-        "not judged which parameters the data can determine: the log-likelihood has no derivatives at the values used"
-    )
+    blind = "identifiability is not judged: the log-likelihood has no derivatives at the values used"
     return [blind] if result.stage == "before" else [blind, *_practical(result), *together]
 
 
 def _structural(result: Identifiability) -> list[str]:
     if len(result.untouched) == len(result.names):
-        return ["the data say nothing about any parameter: no channel was measured, or none depends on them"]
+        return ["the data contain no information on any parameter: no channel was measured, or none depends on them"]
     lines = [f"{_untouched(name)} (structural); the stated value is the prior's" for name in result.untouched]
     return lines + [
-        f"one combination is invisible in these data whatever their length (structural): {invisible_change(item)}; "
+        f"no amount of such data shows one combination (structural): {invisible_change(item)}; "
         f"{what_separates(item.names)}"
         for item in result.invisible
     ]
@@ -55,9 +53,10 @@ def _structural(result: Identifiability) -> list[str]:
 
 def _untouched(name: str) -> str:
     if name.startswith("sigma_"):
-        return f"no measurement of {name.removeprefix('sigma_')} is left, so the data say nothing about {name}"
+        return f"no measurement of {name.removeprefix('sigma_')} is left, so the data contain no information on {name}"
     moved = f"move {listed(sorted({*CoefficientName.parse(name).signals}))}, " if is_coefficient(name) else ""
-    return f"the trial says nothing about {name}: no measurement changes with it; {moved}fix it, or add a sensor that responds to it"
+    todo = f"{moved}fix it, or add a sensor that responds to it"
+    return f"the trial contains no information on {name}: no measurement changes with it; {todo}"
 
 
 def invisible_change(item: Invisible) -> str:
@@ -80,12 +79,12 @@ def _practical(result: Identifiability) -> list[str]:
             continue
         if share > CONTRACTION:
             lines.append(
-                f"the data cannot inform {name}: its standard deviation {verb} {share:.0%} of the prior's, "
-                "so the stated value is the prior's; run a trial that excites it, or fix it"
+                f"the data cannot determine {name}: its standard deviation {verb} {share:.0%} of the prior's. "
+                "The stated value is the prior's; run a trial that excites it, or fix it"
             )
         elif is_coefficient(name) and sd > VAGUE * abs(value):
             lines.append(
-                f"{name} {verb} {_measured(result, i)} (practical): the data narrow the prior but determine "
+                f"{name} {verb} {_measured(result, i)} (practical): the data narrow the prior, but determine "
                 f"{'not even its sign' if 1.96 * sd > abs(value) else 'little more than its sign'}; "
                 "run a trial that excites it more, or leave it out"
             )
@@ -105,12 +104,12 @@ def _together(result: Identifiability, group: Group) -> str:
     much = "much better" if _are_within(result, group, WELL) else "only"
     return (
         f"{would_be}known {much} in combination: {listed(sums)}; separately {listed(each)}, correlation "
-        f"{group.correlation:+.3f}; to separate them, {what_separates(group.names)}"
+        f"{group.correlation:+.3f}. To separate them: {what_separates(group.names)}"
     )
 
 
 def precision(item: Combination) -> str:
-    """Return how well a combination is known: in percent where that says more than the number itself."""
+    """Return how well a combination is known: in percent if that is small, otherwise as a number."""
     size = measured(item.value, item.sd, item.unit)
     return f"to {percent(item.relative_sd)} ({size})" if item.relative_sd < 0.3 else f"as {size}"
 
@@ -131,8 +130,8 @@ def what_separates(names: Sequence[str]) -> str:
     inertial = any(term.is_added_mass for term in terms) or "m" in names
     if any(name.split("[")[0] == "current" or name.startswith("bias_") for name in names):
         return (
-            "measure the current by itself, run both ways along one line, or cover a wider range of speeds, "
-            "a reverse or a coast-down included"
+            "measure the current, run both ways along one line, or cover a wider range of speeds, including "
+            "a reverse or a coast-down"
         )
     if "t_d" in names:
         return "only the product (1 - t_d) T acts on the hull: fix t_d, or measure the thrust at the shaft as well"
@@ -141,9 +140,9 @@ def what_separates(names: Sequence[str]) -> str:
     if "T" in axes and len(axes) > 1:
         return "fix the thrust by a bollard pull, or add a coast-down with the propeller stopped"
     if any(name.startswith("tether_") for name in names):
-        return "a trial that moves along and about several axes at once, or the same trial without the tether"
+        return "run a trial that moves along and about several axes at once, or the same trial without the tether"
     if any(name.startswith("gain_") for name in names):
-        return "fix the thrust by a bollard pull, or the other by a measurement of its own"
+        return "fix the thrust by a bollard pull, or measure the other parameter separately"
     if any(name.startswith("dead_") for name in names):
         return "use steps from small to large thrust"
     if any(name == "delay" or name.startswith("lag_") for name in names):
@@ -152,14 +151,14 @@ def what_separates(names: Sequence[str]) -> str:
         signals = sorted({signal for term in terms for signal in term.signals})
         if signals == ["u"]:
             return "cover a wider range of speeds, by larger steps, longer periods, a reverse or a coast-down"
-        return f"a trial with {listed([_moved(signal, 'faster', 'larger') for signal in signals])}, and one {_apart(signals)}"
+        return f"run a trial with {listed([_moved(signal, 'faster', 'larger') for signal in signals])}, and one {_apart(signals)}"
     if all(name.startswith(("sigma_", "tau_", "dof_")) for name in names):
-        return "a longer record"
+        return "use a longer record"
     return "fix one of them, or measure another channel"
 
 
 def _apart(signals: Sequence[str]) -> str:
-    """Return what a second trial has that tells the terms of these signals apart: one of them at less, or each of several alone."""
+    """Return the second trial that separates the terms of these signals: less of one of them, or only one of several at a time."""
     if len(signals) == 1:
         return f"with {_moved(signals[0], 'slower', 'smaller')}"
     if all(signal in RATES for signal in signals):
@@ -168,19 +167,19 @@ def _apart(signals: Sequence[str]) -> str:
 
 
 def _moved(signal: str, faster: str, larger: str) -> str:
-    """Return a motion or a control with what is said of it: `faster turns`, `faster sway`, `larger rudder angles`."""
+    """Return a motion or a control with its adjective: `faster turns`, `faster sway`, `larger rudder angles`."""
     if signal in RATES:
         return f"{faster} {'turns' if signal == 'r' else motion_name(signal)}"
     return f"{larger} {SIGNALS[signal].meaning.partition(' of ')[0]}s"
 
 
 def symmetry_sentence(symmetry: Symmetry) -> str:
-    """Return `port and starboard alike (Y_0 = 0): log evidence +4.2, the data support it`."""
+    """Return `port and starboard alike (Y_0 = 0): log evidence +4.2, supported by the data`."""
     value, more = symmetry.log_evidence, len(symmetry.restrictions) - MAX_LISTED
     named = ", ".join(map(restriction_text, symmetry.restrictions[:MAX_LISTED])) + (f" and {more} more" * (more > 0))
     number = f"{value:+.1f}" if value > LEAST_EVIDENCE else f"below {LEAST_EVIDENCE:.0f}"
-    refuted = "the data refuse it" if value < -STRONG_EVIDENCE else "not decided"
-    verdict = "the data support it" if value > STRONG_EVIDENCE else refuted
+    refuted = "refuted by the data" if value < -STRONG_EVIDENCE else "not decided"
+    verdict = "supported by the data" if value > STRONG_EVIDENCE else refuted
     return f"{symmetry.sides} alike ({named}): log evidence {number}, {verdict}"
 
 

@@ -1,4 +1,4 @@
-"""What is known of each parameter, and of several together, in words; without JAX."""
+"""Information on each parameter, and on several together, in words; without JAX."""
 
 from seatrial.core.display_units import Shown, listed, measured, percent
 from seatrial.core.findings import Message
@@ -6,7 +6,7 @@ from seatrial.core.result_table import aligned
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.messages.render import sentence
 
-VAIN = 10.0  # Standard deviation over the value from which a percentage says nothing
+VAIN = 10.0  # Standard deviation divided by the value above which no percentage is shown
 BY_ITSELF = "each parameter is known separately"
 
 
@@ -28,25 +28,25 @@ def known_lines(known: Known, shown: Shown) -> list[str]:
     lines = aligned((heads, *rows), left=(0, -1))
     if len(known.directions) > 1:
         best, least = (", ".join(f"{name} {size}" for name, size in parts_of(known.directions[at])) for at in (0, -1))
-        lines.append(f"best-determined change, one standard error of the data: {best}")
-        lines.append(f"least-determined change: {least}")
+        lines.append(f"best-determined direction (1 sd): {best}")
+        lines.append(f"least-determined direction (1 sd): {least}")
     # The verdict is about what the data separate: its numbers are those of the noise.
-    alone = "by noise alone: " if known.verdict and not before else ""
+    alone = "by noise only: " if known.verdict and not before else ""
     lines += [*(alone + line for line in verdict_of(known)), *map(sentence, known.speed_pairs), *known.symmetry]
     return [f"  {line}" for line in lines]
 
 
 def verdict_of(known: Known) -> tuple[str, ...]:
-    """Return the verdict; where there is none, that each parameter is known, and which only to more than half of its value."""
+    """Return the verdict; if there is none, that each parameter is known, and which have a ± above half of their value."""
     if known.verdict:
         return known.verdict
     if known.stage == "before" or not known.unsure:
         return (BY_ITSELF,)
-    return (f"{BY_ITSELF}, but {listed(known.unsure)} only to ± more than half of the value",)
+    return (f"{BY_ITSELF}, but the ± of {listed(known.unsure)} exceeds half of the value",)
 
 
 def known_cautions(known: Known) -> list[Message]:
-    """Return which parameters are not known separately, or hardly; empty if each is known."""
+    """Return the parameters that are hardly or not known separately; empty if each is known."""
     return [*(verdict_of(known) if known.verdict or known.unsure else ()), *known.speed_pairs]
 
 

@@ -1,4 +1,4 @@
-"""How well a model predicts, and how far its uncertainty holds, in words: shares explained, baselines, short horizons."""
+"""Predictions and the quality of their bands in words: shares explained, baselines, short horizons, calibration."""
 
 from typing import TYPE_CHECKING
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from seatrial.estimation.prediction.short_horizon import ShortHorizon
 
 WORSE_THAN_MEAN, WORSE_THAN_MEANS = "worse than the run's own mean", "worse than the runs' own means"
-# Standard errors from what uniform ranks have at which a shift or a spread of the ranks is spoken of
+# Standard errors from uniform ranks at which a shift or a spread of the ranks is reported
 CLEAR_ERRORS = 2.6
-MANY_REFUSED = 0.05  # Share of the prior beyond which a reader is told
-MANY_POOR = 0.02  # Share of the replicates that did not mix well from which on they may be why ranks are uneven
-# How the worst of each diagnostic of the replicates is said.
+MANY_REFUSED = 0.05  # Share of the prior above which the refused share is reported
+MANY_POOR = 0.02  # Share of poorly mixed replicates from which they may be the cause of uneven ranks
+# Words for the worst of each diagnostic of the replicates.
 WORST_MIXING = (
     ("R-hat up to {:.2f}", np.max),
-    ("{:.0f} effective draws at least", np.min),
-    ("{:.2%} of transitions diverged at most", np.max),
-    ("{:.0%} of the moves made at least", np.min),
+    ("at least {:.0f} effective draws", np.min),
+    ("at most {:.2%} of transitions diverged", np.max),
+    ("at least {:.0%} of the moves accepted", np.min),
 )
 MUCH = 0.9  # Share explained from which on tenths of a per cent are shown
 FAR = 2.0  # Ratio of the CRPS from which one prediction is better by far
@@ -43,7 +43,7 @@ def explained_short(share: float, runs: int = 1) -> str:
 
 
 def explained_text(share: float, runs: int = 1, digits: int = 0) -> str:
-    """Return the explained share of the variance of one run, or of several, for a table: of less than nothing, what that means, too."""
+    """Return the explained share of the variance of one run, or of several, for a table; a negative share also in words."""
     if share < 0:
         number = f"{share:.0%}" if share > -100 else f"{100 * share:.0e}%"
         return f"{WORSE_THAN_MEAN if runs == 1 else WORSE_THAN_MEANS} ({number})"
@@ -51,11 +51,11 @@ def explained_text(share: float, runs: int = 1, digits: int = 0) -> str:
 
 
 def outside_text(one: Outside) -> str:
-    """Return how far a signal leaves the fitted range: `u up to 2.1 m/s where the fit saw 1.5`."""
+    """Return how far a signal leaves the fitted range: `u up to 2.1 m/s (fitted up to 1.5)`."""
     factor, unit = shown_unit(one.name)
     edge = 0.0 if abs(one.edge) < ROUNDING * abs(one.furthest) else one.edge
     way = "up to" if one.is_above else "down to"
-    return f"{one.name} {way} {one.furthest * factor:.3g} {unit} where the fit saw {edge * factor:.3g}"
+    return f"{one.name} {way} {one.furthest * factor:.3g} {unit} (fitted {way} {edge * factor:.3g})"
 
 
 def horizon_text(near: "ShortHorizon", channel: str, rate: float = 0.0, duration: float = 0.0) -> str:
@@ -64,7 +64,7 @@ def horizon_text(near: "ShortHorizon", channel: str, rate: float = 0.0, duration
     Args:
         near: scores over a short horizon.
         channel: measured signal.
-        rate: at which a small error grows in the model, 1/s, where that leaves its course by itself; else 0.
+        rate: at which a small error grows in the model, 1/s, if the model is unstable; else 0.
         duration: of the record, s.
     """
 
@@ -79,12 +79,12 @@ def horizon_text(near: "ShortHorizon", channel: str, rate: float = 0.0, duration
     )
     if rate > 0:
         return (
-            f"the fitted model leaves its course by itself: a small error grows by e in {1 / rate:.2g} s (eigenvalue {rate:+.2g} 1/s), "
-            f"so that controls alone cannot predict {duration:.0f} s of it; {ahead}"
+            f"the fitted model is unstable, so controls do not suffice to predict {duration:.0f} s: a small error grows by e in "
+            f"{1 / rate:.2g} s (eigenvalue {rate:+.2g} 1/s); {ahead}"
         )
     if not near.is_good:
-        return f"short horizons are predicted little better, so errors that add up do not explain it: {ahead}"
-    return f"errors add up along the run: {ahead}"
+        return f"accumulated errors are not the cause, because short horizons are predicted little better: {ahead}"
+    return f"errors accumulate along the run: {ahead}"
 
 
 def score_lines(one: Comparison) -> list[str]:
@@ -99,13 +99,13 @@ def score_lines(one: Comparison) -> list[str]:
 
 
 def comparison_text(one: Comparison) -> str:
-    """Return what the comparison with the best baseline means and what to do."""
+    """Return the result of the comparison with the best baseline, and its remedy."""
     channel, own, best, count = one.channel, one.ours, one.baselines[0], len(one.baselines)
     if own.diverges:
         other = (
             "as every baseline does"
             if best.diverges
-            else f"where {best.words} does not ({explained_short(best.explained, 2)})"
+            else f"but {best.words} does not ({explained_short(best.explained, 2)})"
         )
         return f"held-back runs: the model's {channel} diverges, {other}: correct the model"
     if best.diverges:
@@ -114,21 +114,25 @@ def comparison_text(one: Comparison) -> str:
     scores = f"CRPS {best.crps * factor:.3g} against {own.crps * factor:.3g} {unit}"
     numbers = f"({_shares(best, own)}, {scores})"
     if one.level == "pass":
-        chance = f", though chance may do as much (p = {one.p_value:.2g})" if one.p_value >= MAX_CHANCE else ""
+        chance = f", which chance may explain (p = {one.p_value:.2g})" if one.p_value >= MAX_CHANCE else ""
         beaten = f"held-back runs: the model predicts {channel} better than every baseline"
         return f"{beaten}{chance}; the best of them is {best.words} {numbers}"
     result = f"held-back runs: {best.words} predicts {channel} better than the model{_in_runs(one)} {numbers}"
     if one.level == "caution":
-        little = "though by little"
+        little = "but only slightly"
         if one.p_value >= MAX_CHANCE:
             of = f" for the best of {count} baselines" if count > 1 else ""
             number = f" (p = {one.p_value:.2g}{of})" if one.p_value < 1 else ""
             little = f"but so few independent samples do not exclude chance{number}"
         if own.crps > CLEAR_RATIO * best.crps:
-            return f"{result}, {little}: hold back more or longer runs, and look at the runs where the model is worse"
+            return (
+                f"{result}, {little}: hold back more or longer runs, and look at the runs in which the model is worse"
+            )
         if not one.is_simpler:
-            return f"{result}, {little}: it predicts as well; it has the same equations, so it is no simpler model"
-        return f"{result}, {little}: the model does not beat it; prefer the simpler model, or correct the model"
+            return (
+                f"{result}, {little}: it predicts as well, but is no simpler model, because it has the same equations"
+            )
+        return f"{result}, {little}: prefer it, as the simpler model, or correct the model"
     if own.explained >= best.explained:
         return f"{result}: the model's motion is no worse, but its bands are too narrow or too wide; change its model of the residuals"
     return f"{result}: prefer it, or correct the model"
@@ -158,18 +162,18 @@ def _in_runs(one: Comparison) -> str:
 
 
 def calibration_lines(calibration: "Calibration") -> list[str]:
-    """Return what the ranks of a simulation-based calibration say: the coverage of each quantity, and the shape of what deviates."""
+    """Return the result of a simulation-based calibration: the coverage of each quantity, and the shape of deviating ranks."""
     from seatrial.estimation.diagnostics.calibration import FALSE_ALARMS
 
     r, k, tail = len(calibration.ranks), len(calibration.names), 0.5 * FALSE_ALARMS / len(calibration.names)
     low, high = scipy.stats.binom(r, 0.9).ppf([tail, 1 - tail]) / r
     lines = [
-        f"{name}: the 90 % interval holds the truth in {share:.1%} of {r} replicates (chance allows {low:.1%} to {high:.1%}), "
-        f"p = {value:.3f} for ranks so uneven"
+        f"{name}: the 90 % interval contains the truth in {share:.1%} of {r} replicates (expected {low:.1%} to {high:.1%}), "
+        f"p = {value:.3f} for uniform ranks"
         for name, share, value in zip(calibration.names, calibration.coverage(0.9), calibration.p_values(), strict=True)
     ]
     if k > 1:
-        lines.append(f"both are for the worst of {k} quantities, however they are correlated")
+        lines.append(f"range and p allow for the worst of {k} quantities, with any correlation")
     columns = dict(zip(calibration.names, calibration.ranks.T, strict=True))
     return lines + [f"{name}: {shape_of_ranks(columns[name])}" for name in calibration.outside()]
 
@@ -177,7 +181,7 @@ def calibration_lines(calibration: "Calibration") -> list[str]:
 def calibration_report(calibration: "Calibration") -> list[str]:
     """Return `calibration_lines`, whether the draws mixed, and whether the stated uncertainty is calibrated."""
     outside, k = calibration.outside(), len(calibration.names)
-    band = f"the band that holds {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
+    band = f"the band that contains {'it' if k == 1 else f'all {k} quantities'} with 99 % probability"
     verdict = (
         f"calibrated: the ranks lie inside {band}"
         if not outside
@@ -186,13 +190,13 @@ def calibration_report(calibration: "Calibration") -> list[str]:
     lines = [*calibration_lines(calibration), mixing_words(calibration)]
     if calibration.refused > MANY_REFUSED:
         lines.append(
-            f"{calibration.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows why"
+            f"{calibration.refused:.0%} of the prior could not be simulated and was drawn again; `seatrial prior` shows the cause"
         )
     return [*lines, f"{verdict} (structure {calibration.structure}, {calibration.method})"]
 
 
 def mixing_words(calibration: "Calibration") -> str:
-    """Say whether the draws themselves may be why ranks are uneven, by the method's own diagnostics."""
+    """Return whether poor mixing may be the cause of uneven ranks, by the diagnostics of the method."""
     poor, r = calibration.poor(), len(calibration.health)
     worst = [
         text.format(extreme(column[~np.isnan(column)]))
@@ -201,18 +205,16 @@ def mixing_words(calibration: "Calibration") -> str:
     ]
     numbers = ", ".join(worst)
     if not poor.any():
-        end = ": so the sampling is not the cause of the uneven ranks" if calibration.outside() else ""
+        end = ", so the sampling is not the cause of the uneven ranks" if calibration.outside() else ""
         return f"the draws mixed well in all {r} replicates ({numbers}){end}"
     sentence = f"the draws mixed poorly in {poor.sum()} of {r} replicates ({numbers})"
     if poor.mean() < MANY_POOR:
         return f"{sentence}: too few to cause uneven ranks"
-    return (
-        f"{sentence}: this may be the cause of uneven ranks, not the posterior; try another method, or narrower priors"
-    )
+    return f"{sentence}: this may be the cause of uneven ranks; try another method, or narrower priors"
 
 
 def shape_of_ranks(ranks: np.ndarray) -> str:
-    """Return what a deviation means: truths as the posterior sees them, in its standard deviations, are standard normal if all is well."""
+    """Return the meaning of a deviation: truths, standardised by a correct posterior, are standard normal."""
     from seatrial.estimation.diagnostics.calibration import DRAWS
 
     scores = scipy.stats.norm.ppf((ranks + 0.5) / (DRAWS + 1))
@@ -227,6 +229,4 @@ def shape_of_ranks(ranks: np.ndarray) -> str:
     if abs(width - 1) * np.sqrt(2 * ranks.size) > CLEAR_ERRORS:
         word = "overconfident" if width > 1 else "too wide"
         parts.append(f"the posterior is {word}: truths scatter {width:.1f} times as far as it states")
-    return (
-        "; ".join(parts) or "the shape of the posterior is wrong, and neither its place nor its width: see the picture"
-    )
+    return "; ".join(parts) or "the shape of the posterior is wrong, but not its place or width: see the picture"

@@ -1,4 +1,4 @@
-"""What the priors mean, in words: a table of the parameters, what they do to the motion, and what to correct."""
+"""Priors in words: a table of the parameters, their effect on the motion, and corrections."""
 
 from typing import TYPE_CHECKING
 
@@ -12,16 +12,16 @@ from seatrial.design.prior_belief import MAX_LOST_SHARE, QUANTILE_LEVELS, most_h
 if TYPE_CHECKING:
     from seatrial.campaign.prior.predictive import Believed, PriorPredictive
 
-MAX_ODD_SHARE = 0.01  # Share of draws without a motion above which a prior is to be mended
+MAX_ODD_SHARE = 0.01  # Share of draws without a motion above which a prior needs a correction
 WIDE = 4.0  # Factor between the ends of the 90 % range of the steady speed above which a prior is called wide
 # Range of a channel in all draws and over the whole trial, SI, below which the trial does not move it
 STILL_RANGE = 1e-9
-# Shares of the measured speeds inside the 90 % range above which the prior holds them, and below which it does not
+# Shares of the measured speeds inside the 90 % range above which the prior covers them, and below which it misses them
 HELD_SHARE, HARDLY_SHARE = 0.8, 0.5
 
 
 def prior_lines(predictive: "PriorPredictive", shown: Shown) -> list[str]:
-    """The parameters' priors in the units in which they are `shown`, and what they mean together."""
+    """Return the priors of the parameters in the units in which they are `shown`, and the motion that they imply."""
     what, named = ("largest value in the trial", True) if predictive.settled is None else ("steady speed", False)
     rows = [_row(item, *shown(item.name, item.unit), named) for item in predictive.believed]
     heads = ("prior", "5 %", "50 %", "95 %", "unit", f"{what} if only this prior varies")
@@ -29,7 +29,7 @@ def prior_lines(predictive: "PriorPredictive", shown: Shown) -> list[str]:
 
 
 def prior_summary(predictive: "PriorPredictive") -> list[str]:
-    """What the priors mean as motion, in the units of display."""
+    """Return the motion that the priors imply, in the units of display."""
     messages, lost = [f"{predictive.diverged.size} draws over {predictive.over}"], _percent(predictive.diverged)
     if predictive.settled is not None:
         none = _percent(np.isnan(predictive.settled.speed))
@@ -43,7 +43,7 @@ def prior_summary(predictive: "PriorPredictive") -> list[str]:
                 low, high = (factor * end for end in (one.bands[0].min(), one.bands[-1].max()))
                 is_still = np.ptp(one.bands) < STILL_RANGE
                 messages.append(
-                    f"{one.channel} does not move in this trial, so its priors mean nothing here{_moving(predictive)}"
+                    f"{one.channel} does not move in this trial, so its priors have no effect{_moving(predictive)}"
                     if is_still
                     else f"{one.channel}: 90 % of draws between {low:.3g} and {high:.3g} {unit}"
                 )
@@ -56,7 +56,7 @@ def prior_summary(predictive: "PriorPredictive") -> list[str]:
 
 
 def prior_alarms(predictive: "PriorPredictive") -> list[str]:
-    """Why the priors are not to be used."""
+    """Return reasons against the use of the priors."""
     messages = []
     if predictive.diverged.mean() > MAX_LOST_SHARE:
         messages.append(f"most draws from the prior diverge ({_percent(predictive.diverged)}): {_mend(predictive)}")
@@ -64,7 +64,7 @@ def prior_alarms(predictive: "PriorPredictive") -> list[str]:
         none = _percent(np.isnan(predictive.settled.speed))
         messages.append(f"most draws from the prior reach no steady speed ({none}): {_mend(predictive)}")
     return messages + [
-        f"the prior misses the {_measured(predictive, one.channel)}, of which {one.held:.0%} lie inside its 90 % range: "
+        f"the prior misses the {_measured(predictive, one.channel)} ({one.held:.0%} inside its 90 % range): "
         "check units, signs and the channel map, then move or widen the priors"
         for one in predictive.channels
         if one.held < HARDLY_SHARE
@@ -72,13 +72,13 @@ def prior_alarms(predictive: "PriorPredictive") -> list[str]:
 
 
 def prior_cautions(predictive: "PriorPredictive") -> list[str]:
-    """What about the priors is worth correcting."""
+    """Return recommended corrections of the priors."""
     messages, settled = [], predictive.settled
     has_motion = predictive.diverged.mean() <= MAX_LOST_SHARE and (settled is None or most_have(settled.speed))
     if predictive.lost.mean() > MAX_ODD_SHARE and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
         messages.append(
-            f"{_percent(predictive.lost)} of the draws from the prior are no possible vehicles, as they {none}: {_mend(predictive)}"
+            f"{_percent(predictive.lost)} of the draws from the prior are unphysical (they {none}): {_mend(predictive)}"
         )
     missed = any(one.held < HARDLY_SHARE for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
@@ -87,10 +87,10 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
             widest = max((item for item in predictive.believed if item.alone), key=_width)
             messages.append(
                 f"the prior is wide: 90 % of its steady speeds lie between {low:.2g} and {high:.2g} m/s, mostly "
-                f"because of {widest.name}; if you know the vehicle better, narrow the priors, because the evidence depends on them"
+                f"because of {widest.name}. If you know the vehicle better, narrow the priors: the evidence depends on them"
             )
     return messages + [
-        f"the prior covers only part of the {_measured(predictive, one.channel)}, {one.held:.0%} inside its 90 % range: "
+        f"the prior covers only part of the {_measured(predictive, one.channel)} ({one.held:.0%} inside its 90 % range): "
         "move or widen the priors"
         for one in predictive.channels
         if HARDLY_SHARE <= one.held < HELD_SHARE
@@ -98,7 +98,7 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
 
 
 def range_words(values: np.ndarray, unit: str) -> str:
-    """Median and 90 % range of what the draws that have it say; plain words where most have none."""
+    """Return median and 90 % range over the draws that have the quantity; words if most have none."""
     if not most_have(values):
         return "most draws have none"
     low, middle, high = np.nanquantile(values, (0.05, 0.5, 0.95))
@@ -118,14 +118,14 @@ def _reach(item: "Believed", named: bool) -> str:
     if np.isnan(ends).any():
         return "none"
     if ends[1] - ends[0] < STILL_RANGE:
-        return "nothing that this trial moves"
+        return "no motion in this trial"
     factor, unit = shown_unit(channel)
     low, high = (f"{factor * end:.3g}" for end in ends)
     return f"{channel} " * named + f"{low} to {high} {unit}"
 
 
 def _moving(predictive: "PriorPredictive") -> str:
-    """Say how a control that stays at its trim is moved as well; nothing where all move."""
+    """Return how to move a control that stays at its trim; empty if all move."""
     still = [name for name, values in predictive.control.items() if np.ptp(values) == 0]
     return f": `together` of [design] moves {listed(still)} as well" if still else ""
 
@@ -151,7 +151,7 @@ def _percent(which: np.ndarray) -> str:
 
 
 def _mend(predictive: "PriorPredictive") -> str:
-    """Name the coefficient that most sets the draws that run away apart, and what to do about it."""
+    """Return the coefficient that best separates draws without a motion, and its correction."""
     worst = max(predictive.believed, key=lambda item: abs(item.blame))
     if worst.name in predictive.unphysical:
         return _cut(predictive, worst.name)
@@ -159,15 +159,15 @@ def _mend(predictive: "PriorPredictive") -> str:
     if worst.blame == 0.0:
         return f"check the signs and units of the priors{also}"
     end, bound = ("large", "lower its upper bound") if worst.blame > 0 else ("small", "raise its lower bound")
-    return f"those with a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
+    return f"the cause is a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
 
 
 def _cut(predictive: "PriorPredictive", name: str) -> str:
-    """Say how the prior of a coefficient is cut to what physics allows; that of a published vehicle may have no section of its own."""
+    """Return how to restrict the prior of a coefficient to physical values; that of a published vehicle may have no section."""
     words = f"set dissipative = true in [prior.{name}]"
     if predictive.settled is not None:
         return words
     low, middle, high = next(item.quantiles for item in predictive.believed if item.name == name)
     sd = (high - low) / (2 * Z90)
     added = f'distribution = "normal", mean = {middle:.2g}, sd = {sd:.2g} and dissipative = true'
-    return f"{words}, or if the file has no such section, add it with {added}"
+    return f"{words}; if the file has no such section, add it with {added}"

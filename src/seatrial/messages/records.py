@@ -1,4 +1,4 @@
-"""Messages about records: what the check of a log finds before anything is fitted to it."""
+"""Messages about records: findings of the check of a log, before a fit."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -68,7 +68,7 @@ def _axes(values: Mapping[str, Any]) -> str:
     how = "mirrored" if values["mirrored"] else "turned"
     return (
         f"the axes of {{subject:and}} look {how}: with {', '.join(rows)} measured and expected motion agree by "
-        "{best:+.2f}, as they are by {plain:+.2f}"
+        "{best:+.2f}, without that by {plain:+.2f}"
     )
 
 
@@ -109,7 +109,7 @@ def _remaining(values: Mapping[str, Any]) -> str:
 
 def _constant(values: Mapping[str, Any]) -> str:
     factor, unit = shown_unit(values["subject"][0])
-    return f"{{subject:and}} is {values['value'] * factor:g} {unit} in every sample; a control that never moves excites nothing"
+    return f"{{subject:and}} is {values['value'] * factor:g} {unit} in every sample, so it excites nothing"
 
 
 ENTRIES = {
@@ -150,7 +150,7 @@ ENTRIES = {
     ),
     "sum-not-judged": Entry(
         title="Direction",
-        sentence="direction, size and timing of {subject:and} are not judged: errors of velocities add up in it, and the priors "
+        sentence="direction, size and timing of {subject:and} are not judged: it accumulates errors of velocities, and the priors "
         "allow this motion",
         meaning="Positions and angles drift with small errors of velocities; the velocities are judged instead.",
         decided="A vehicle drawn from the priors moves as the record does, or these vehicles differ by as much as the "
@@ -165,8 +165,8 @@ ENTRIES = {
             "pass": "size",
         },
         meaning="A unit is probably wrong, or the priors are far from the vehicle.",
-        decided="A caution from {SIZE:g} times and an alarm from {WRONG:g} times the expected motion, or their inverses, "
-        "unless more than {RARE:.0%} of the vehicles drawn from the priors reach it.",
+        decided="A caution from {SIZE:g} times and an alarm from {WRONG:g} times the expected motion, or their inverses. It needs "
+        "that at most {RARE:.0%} of the vehicles drawn from the priors reach the motion.",
         example=Finding(
             "size-unlike",
             "alarm",
@@ -250,9 +250,9 @@ ENTRIES = {
     ),
     "gauge-at-limit": Entry(
         title="Range",
-        sentence="{share:.0%} of the samples of {subject:and} are {end:.4g}, its {which} value, while the expected force goes on",
+        sentence="{share:.0%} of the samples of {subject:and} are {end:.4g}, its {which} value, although the expected force changes",
         meaning="The gauge is at its limit, a rope is slack, or the value is frozen.",
-        decided="More than {CUT:.0%} of the samples at one end of the range, while the expected force changes there.",
+        decided="More than {CUT:.0%} of the samples are at one end of the range, and the expected force changes during them.",
         example=Finding(
             "gauge-at-limit", "alarm", ("force_X",), {"share": 0.12, "end": 50.0, "which": "greatest"}, ("leave-out",)
         ),
@@ -261,10 +261,10 @@ ENTRIES = {
         title="Limits",
         sentence={
             "caution": "{subject:and} reaches {reached:signal}, but limits.{subject[0]}.{end} is {bound:signal}",
-            "note": "{subject:and} is at rest outside the limits that designs keep (limits.{subject[0]}.{end} is {bound:signal})",
+            "note": "{subject:and} is at rest outside the limits of designs (limits.{subject[0]}.{end} is {bound:signal})",
         },
-        meaning="Designs stay inside the limits. A record beyond them has another unit, or the limits are too narrow.",
-        decided="{BEYOND:.0%} of its own range beyond the limit; a note if only the rest lies outside.",
+        meaning="Designs stay inside the limits. A record outside them has another unit, or the limits are too narrow.",
+        decided="{BEYOND:.0%} of its range outside the limit; a note if only the vehicle at rest lies outside.",
         example=Finding(
             "limits-exceeded",
             "caution",
@@ -277,7 +277,7 @@ ENTRIES = {
         title="Limits",
         sentence="{subject:and} reaches only {reached:signal}, but limits.{subject[0]} go to {bound:signal}",
         meaning="The record hardly moves the control, or its unit is wrong.",
-        decided="Less than a thirtieth of its limits.",
+        decided="The record reaches less than a thirtieth of the limits.",
         example=Finding(
             "limits-hardly-used",
             "caution",
@@ -302,7 +302,7 @@ ENTRIES = {
     "trim-contradicted": Entry(
         title="Trim",
         sentence=_unlike_trim,
-        meaning="Record and stated trim differ in size or sign. The trim is where designs and linear checks begin.",
+        meaning="Record and stated trim differ in size or sign. Designs and linear checks start from the trim.",
         decided="A ratio of {UNLIKE:g}, or its inverse.",
         example=Finding(
             "trim-contradicted",
@@ -360,7 +360,7 @@ ENTRIES = {
             + ("differs by up to {differs:size} times its noise" if values["differs"] else "does not diverge")
         ),
         meaning="The simulation is not accurate to the noise of the sensor, so that errors of the integration bias the fit.",
-        decided="Root mean square change in steps half as long, over the noise: {MAX_STEP_CHANGE:g}.",
+        decided="The root mean square change in steps half as long, divided by the noise, exceeds {MAX_STEP_CHANGE:g}.",
         example=Finding(
             "steps-too-coarse", "caution", ("u",), {"step": 0.1, "differs": 1.4, "shorter": 0.025}, ("shorter-step",)
         ),
@@ -377,7 +377,7 @@ ENTRIES = {
     ),
     "rate-not-measured": Entry(
         title="Excitation",
-        sentence="this record cannot determine {subject:and}: no sensor measures {rate}, in which they show",
+        sentence="this record cannot determine {subject:and}, because no sensor measures {rate}",
         meaning="The coefficients of an axis act on its velocity.",
         decided="{MAX_REMAINING:.0%} or more of the prior's standard deviation would remain, and the velocity has no sensor.",
         example=Finding("rate-not-measured", "caution", ("Y_v", "Y_r"), {"rate": "v"}, ("measure-rate",)),
@@ -385,7 +385,7 @@ ENTRIES = {
     "excitation-not-judged": Entry(
         title="Excitation",
         sentence=lambda values: (
-            "excitation is not judged: the vehicle at the prior means does not move as this one did, and "
+            "excitation is not judged: the motion at the prior means differs from the measured one, and "
             + (
                 "a fit of the measured motion diverges"
                 if values["fitted"]
@@ -399,14 +399,14 @@ ENTRIES = {
     "terms-alike": Entry(
         title="Separate terms",
         sentence="{subject:and} are the same in this record, in which {signals:and} never changes its sign",
-        meaning="Two terms that differ only by a sign are one term as long as that sign stays.",
+        meaning="Two terms that differ only by a sign have the same effect while that sign does not change.",
         decided="The signal stays on one side of zero, to {SIGN:g} standard deviations of its noise.",
         example=Finding("terms-alike", "caution", ("X_uu", "X_uabsu"), {"signals": ("u",)}, ("drop-or-change-sign",)),
     ),
     "closed-loop": Entry(
         title="Closed loop",
         sentence="{subject:and} is computed from {channels:and}: the noise of the sensor is in the command",
-        meaning="Disturbances move the vehicle and the command alike, which biases coefficients and hides wrong signs and clocks.",
+        meaning="Disturbances move both the vehicle and the command, which biases coefficients and hides wrong signs and clocks.",
         decided="A linear law of three changes of command and measurement explains {TYPICAL:.0%} of the changes. The "
         "residual lacks the noise that the law passes on.",
         example=Finding("closed-loop", "note", ("tau_X",), {"channels": ("u",)}, ("held-command",)),
@@ -414,7 +414,7 @@ ENTRIES = {
     "not-judged-yet": Entry(
         title="Order",
         sentence=_not_yet,
-        meaning="A fault found by another check would make this one report a wrong cause.",
+        meaning="Because of the fault that another check found, this check would report a wrong cause.",
         decided="Another check of the same record fails.",
         example=Finding(
             "not-judged-yet",
@@ -435,7 +435,7 @@ ENTRIES = {
         title="Thruster",
         sentence="{subject:and} pushes the wrong way: {gain:.2f} ± {sd:.2f} of its stated thrust",
         meaning="The direction of the thruster, its command or its propeller is reversed, or the columns are in another order.",
-        decided="A gain of each thruster by least squares on the measured motion is negative by two standard deviations.",
+        decided="The gain of the thruster, by least squares on the measured motion, is negative by two standard deviations.",
         example=Finding("thruster-reversed", "alarm", ("f_2",), {"gain": -0.97, "sd": 0.05}, ("turn-thruster",)),
     ),
     "thruster-gain": Entry(
@@ -476,7 +476,7 @@ REMEDIES = {
     ),
     "signed-priors": Remedy(command="use priors of known sign, such as half-normal", view="model"),
     "check-unit": Remedy(command=_unit, page="check the unit of {signals:and} in the import form", view="import"),
-    "see-trim": Remedy(command="see its trim, which shows the unit better", view="file"),
+    "see-trim": Remedy(command="see the finding about its trim, which shows the unit better", view="file"),
     "check-unit-or-trim": Remedy(
         command=lambda values: _unit(values) + ", its column and its sign, or correct vehicle.trim",
         python=lambda values: _unit(values) + ", its column and its sign, or correct the trim of the vehicle",
@@ -492,7 +492,7 @@ REMEDIES = {
         command=lambda values: (
             "correct `shift` of {file} under [[import.files]], which is too "
             + ("large" if values["late"] > 0 else "small")
-            + f" by about {abs(values['late']):.2g} s, and check again"
+            + f" by about {abs(values['late']):.2g} s, then check again"
         ),
         python="correct the shift of {file} in read_log by about {late:.2g} s",
         page="correct the shift of {file} in the import form",
@@ -507,7 +507,7 @@ REMEDIES = {
     ),
     "check-delay-prior": Remedy(command="check that the prior of the delay includes {late:.2g} s", view="model"),
     "one-clock": Remedy(
-        command="put command and response on one clock, unless the vehicle is quicker than the priors assume",
+        command="put command and response on one clock, unless the vehicle is faster than the priors assume",
         view="import",
     ),
     "check-shift": Remedy(
@@ -551,7 +551,8 @@ REMEDIES = {
     ),
     "leave-out": Remedy(command="leave these samples out, or measure them again", view="import"),
     "correct-limits": Remedy(
-        command="correct the limit if the vehicle may go so far, else check the unit in the channel map", view="design"
+        command="correct the limit if the vehicle may go so far, otherwise check the unit in the channel map",
+        view="design",
     ),
     "heavy-residuals": Remedy(
         command='look at the raw plot; residuals = "heavy" under [sensors.{sensor}] tolerates outliers',

@@ -13,7 +13,7 @@ MAX_RUNS_NAMED = 6
 
 
 def statement(finding: Finding, also: Sequence[str] = ()) -> str:
-    """Return what was found in one sentence without a final stop.
+    """Return a finding in one sentence without a final stop.
 
     Args:
         finding: to put into words.
@@ -23,11 +23,11 @@ def statement(finding: Finding, also: Sequence[str] = ()) -> str:
     if finding.level == "pass" and isinstance(ENTRIES[finding.code].sentence, Mapping):
         return f"{text} of {listed(finding.subject)} passes"
     if controls := finding.values.get("closed_loop"):
-        text = f"{text}; not judged, as {listed(controls)} is computed from measured channels"
+        text = f"{text}; not judged, because {listed(controls)} is computed from measured channels"
     if likewise := finding.values.get("likewise"):
         text = f"{text}; likewise {_runs_alike(finding.subject, likewise)}"
     if isinstance(outside := finding.values.get("outside"), tuple) and outside:
-        text = f"{text}; it goes beyond what was fitted: {', '.join(map(str, outside))}"
+        text = f"{text}; outside the fitted range: {', '.join(map(str, outside))}"
     if ahead := finding.values.get("ahead"):
         text = f"{text}; {ahead}"
     if run := finding.values.get("run"):
@@ -42,15 +42,15 @@ def statement(finding: Finding, also: Sequence[str] = ()) -> str:
 
 
 def remedy(finding: Finding, form: Form = "command") -> str:
-    """Return what to do, without a final stop; empty where there is nothing to do."""
+    """Return the remedy, without a final stop; empty if there is none."""
     texts = [filled_in(REMEDIES[name].of(form), finding.subject, finding.values) for name in finding.remedies]
     if finding.values.get("first"):
-        return "; if it stays, ".join([f"first {texts[0]}", "; or ".join(texts[1:])])
+        return "; if the finding remains, ".join([f"first {texts[0]}", "; or ".join(texts[1:])])
     return "; or ".join(texts)
 
 
 def sentence(finding: Finding, form: Form = "command", also: Sequence[str] = ()) -> str:
-    """Return what was found and what to do, without a final stop; `also` as in `statement`."""
+    """Return finding and remedy, without a final stop; `also` as in `statement`."""
     text, do = statement(finding, also), remedy(finding, form)
     return f"{text}. {do[:1].upper()}{do[1:]}" if do else text
 
@@ -83,7 +83,7 @@ def sentences(messages: Iterable[Message], form: Form = "command") -> list[str]:
 
 
 def blocks(messages: Iterable[Message], form: Form = "command") -> list[str]:
-    """Return messages as `sentences` does, but each remedy on a line of its own, below the last finding that has it."""
+    """Return messages as `sentences` does, but each remedy on a separate line, below the last finding that has it."""
     parts = _parts(messages, form)
     later = [{do for _, do in parts[at + 1 :]} for at in range(len(parts))]
     return [
@@ -92,7 +92,7 @@ def blocks(messages: Iterable[Message], form: Form = "command") -> list[str]:
 
 
 def _parts(messages: Iterable[Message], form: Form) -> list[tuple[str, str]]:
-    """Return what was found and what to do, of each message that differs in more than its run and its numbers."""
+    """Return finding and remedy of each message that differs in more than its run and its numbers."""
     items = list(messages)
     groups = {id(first): also for first, also in grouped(one for one in items if isinstance(one, Finding))}
     parts = []

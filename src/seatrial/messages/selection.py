@@ -31,8 +31,8 @@ def _contradicted(values: Mapping[str, Any]) -> str:
     text += {
         "all": "{other} predicts runs left out better by {delta:.1f} ± {std_error:.1f} nats",
         "channel": "{other} simulates {where} of runs left out more closely, by a mean CRPS of {delta:.2g} ± {std_error:.2g}",
-        "run": "{other}, which it excludes, predicts {where} better from the others by {delta:.1f} nats: a chance of {chance:.0e} at most "
-        "if {subject:and} is right",
+        "run": "{other}, which it excludes, predicts {where} better by {delta:.1f} nats (a chance of at most {chance:.0e} "
+        "if {subject:and} is right)",
     }[values["kind"]]
     return f"{text}: do not rely on that probability"
 
@@ -40,7 +40,7 @@ def _contradicted(values: Mapping[str, Any]) -> str:
 ERROR_MODELS = {
     "white": "independent errors of each sample",
     "coloured": "errors correlated in time",
-    "drifting": "white noise over an error that drifts",
+    "drifting": "white noise plus a slow error",
     "heavy": "independent errors with outliers",
     "process noise": "random forces on every state",
     "disturbance": "a force with memory along {axes:and}",
@@ -71,8 +71,8 @@ def _disagree(values: Mapping[str, Any]) -> str:
     spread, stated = (f"{values[name] * factor:.2g} {unit}" for name in ("spread", "stated"))
     place = " in {trial}" if "trial" in values else ""
     return (
-        f"{{labels:and}}, which the data do not tell apart, predict {{subject[0]}} differently{place}: the standard deviation "
-        f"between them is {spread}, that of {{labels[0]}} alone {stated}"
+        f"{{labels:and}}, which the data do not separate, predict {{subject[0]}} differently{place}: the standard deviation "
+        f"between them is {spread}, that of {{labels[0]}} is {stated}"
     )
 
 
@@ -80,11 +80,11 @@ ENTRIES = {
     "evidence-contradicted": Entry(
         title="Runs left out contradict the evidence",
         sentence=_contradicted,
-        meaning="The evidence trusts the model of the error. Where this is wrong, it can prefer a structure by many nats that predicts "
-        "another run worse.",
-        decided="Another structure predicts runs left out better by {CLEAR:g} standard errors and {SMALL:g} nats, or has a CRPS better by "
-        "{CLEAR:g} standard errors; or one of a probability below {EXCLUDED:g} predicts one run so much better that the chance of it "
-        "anywhere is {MAX_CHANCE:g} at most.",
+        meaning="The evidence assumes that the model of the error is right. If it is wrong, the evidence can strongly prefer a structure "
+        "that predicts another run worse.",
+        decided="Another structure predicts runs left out better: by {CLEAR:g} standard errors and {SMALL:g} nats, or by {CLEAR:g} "
+        "standard errors of the CRPS. Or a structure with a probability below {EXCLUDED:g} predicts one run better, with a chance of "
+        "at most {MAX_CHANCE:g} in any run.",
         example=Finding(
             "evidence-contradicted",
             "alarm",
@@ -104,8 +104,8 @@ ENTRIES = {
         title="Another model of the error predicts better",
         sentence=_better,
         meaning="Each ± and probability depends on the model of the error, and another one describes runs left out better.",
-        decided="The difference exceeds its standard error over runs and {SMALL:g} nats; that of the CRPS, relative to the campaign's own "
-        "setting and averaged over channels, its standard error and {SMALL_CRPS:.0%}.",
+        decided="The difference exceeds its standard error over runs and {SMALL:g} nats. The difference of the CRPS, relative to the "
+        "setting of the campaign and averaged over channels, exceeds its standard error and {SMALL_CRPS:.0%}.",
         example=Finding(
             "error-model-better",
             "caution",
@@ -127,14 +127,14 @@ ENTRIES = {
     "advice-not-tried": Entry(
         title="Advice not tried",
         sentence="advice to change the model of the error was not tried on runs left out",
-        meaning="Which model of the error predicts a vehicle best differs from record to record.",
+        meaning="The best model of the error differs from record to record.",
         decided="Residuals are slow or bands fail, and there is no current result of runs left out.",
         example=Finding("advice-not-tried", "note", (), {}, ("try-error-models",)),
     ),
     "advice-tried": Entry(
         title="Advice tried without gain",
-        sentence="other models of the error were tried on runs left out, and none is clearly better, so keep the present one: the best of "
-        'them is "{error_model}", by {delta:+.1f} ± {std_error:.1f} nats',
+        sentence="no other model of the error predicts runs left out clearly better, so keep the present one; the best other one is "
+        '"{error_model}", by {delta:+.1f} ± {std_error:.1f} nats',
         meaning="Advice to change the model of the error does not improve predictions of this vehicle.",
         decided="Residuals are slow or bands fail, and no other model of the error is recommended (error-model-better).",
         example=Finding("advice-tried", "note", (), {"error_model": "drifting", "delta": 3.0, "std_error": 12.0}),
@@ -142,9 +142,9 @@ ENTRIES = {
     "structures-disagree": Entry(
         title="Structures disagree",
         sentence=_disagree,
-        meaning="Far from what was fitted, each structure continues as its own terms do, and the band of one knows nothing of the others. "
+        meaning="Outside the fitted range each structure continues as its terms do, and the band of one does not include the others. "
         "Predictions of held-back runs average over all of them.",
-        decided="The standard deviation between structures within {STANDING:g} nats of the best exceeds the stated one, noise included.",
+        decided="The standard deviation between structures within {STANDING:g} nats of the best exceeds the stated one, including noise.",
         example=Finding(
             "structures-disagree",
             "caution",
@@ -155,20 +155,20 @@ ENTRIES = {
     ),
     "runs-in-pieces": Entry(
         title="Pieces of the same runs",
-        sentence="{subject:and} are pieces of the same long runs, so that each piece knows what the others share",
-        meaning="Of another run nothing is known beforehand, so it may be predicted worse.",
+        sentence="{subject:and} are pieces of the same long runs, so they share conditions with the pieces that are fitted",
+        meaning="Another run has other conditions, so it may be predicted worse.",
         decided="A run that was left out is a piece of one that `[import] split` cuts.",
         example=Finding("runs-in-pieces", "caution", ("a 1", "a 2")),
     ),
     "blocks-left-out": Entry(
-        title="Blocks of time in place of runs",
+        title="Blocks of time instead of runs",
         sentence=_blocks,
         meaning="Blocks of one run share its trim, its current and its errors of the start.",
-        decided="There are fewer fitted runs than are needed to leave whole runs out.",
+        decided="There are too few fitted runs to leave whole runs out.",
         example=Finding("blocks-left-out", "caution", (), {"runs": 2, "needed": 3}, ("fit-more-runs",)),
     ),
     "evidence-check-blunt": Entry(
-        title="Check of an evidence too blunt",
+        title="Check of an evidence too coarse",
         sentence="the decision on {subject:and} would change if the evidence of {label} were wrong by {needed:.2g} nat; its check resolves "
         "{resolution:.2g} nat",
         meaning="A second method confirms the evidence, but with a larger error than the decision allows.",
@@ -184,19 +184,19 @@ ENTRIES = {
     "evidence-within-model": Entry(
         title="Probabilities within the model",
         sentence="the probabilities of models and terms hold only if the noise and everything stated are right",
-        meaning="Evidences with every error need output error and records: with process noise, and of a density of one's own, they are "
-        "those within the model. A slow error of a sensor, a wrong mass or a lag can then look like a term.",
+        meaning="With process noise, or with your density, evidences cannot include every error. A slow error of a sensor, a wrong mass or "
+        "a lag can then look like a term.",
         decided="The evidence with every error is not known for these models.",
         example=Finding("evidence-within-model", "caution"),
     ),
 }
 REMEDIES = {
-    "decide-structure": Remedy(command="fit a run like it, which tells the structures apart"),
+    "decide-structure": Remedy(command="fit a run like it, which separates the structures"),
     "try-error-models": Remedy(
-        command="try it, and a force with memory too, by `seatrial crossvalidate`",
+        command="try it, and also a force with memory, by `seatrial crossvalidate`",
         python="compare models of the error by `leave_one_run_out`",
     ),
-    "fit-more-runs": Remedy(command="fit {needed} runs or more: then whole runs are left out"),
+    "fit-more-runs": Remedy(command="fit at least {needed} runs, so that whole runs can be left out"),
     "take-error-model": Remedy(
         command="put the lines that `seatrial crossvalidate` prints into campaign.toml",
         python="give its priors and sensors to make_posterior",

@@ -15,20 +15,20 @@ QUOTED = {
     "chosen": "those of the chosen model",
     "averaged": "averages over all models, because the data do not decide between them",
 }
-# How probable structures are before the data, by `Selection.structure_prior`.
+# Prior probabilities of structures, by `Selection.structure_prior`.
 BEFORE_DATA = {
     "equal": "before the data every structure is equally probable",
     "multiplicity": "before the data every number of optional terms is equally probable",
 }
-# What helps where an evidence is not reliable.
+# Remedy for an evidence that is not reliable.
 BETTER_EVIDENCE = "raise `particles`, `draws` or `repeats` in [selection], or narrow the priors"
-IF_RELIABLE = ", if the evidences were reliable"  # What a probability needs that depends on one
+IF_RELIABLE = ", if the evidences were reliable"  # Condition of a probability
 SHOWN = 5  # Structures of a screening that are listed
 ENOUGH = 3.0  # Expected log Bayes factor, nats, that decides: odds of twenty to one
 
 
 def screening_lines(screened: Screened) -> list[str]:
-    """Return what a screening found: the probability of each optional term, the best structures, and a verdict for each axis."""
+    """Return the result of a screening: the probability of each optional term, the best structures, and a verdict for each axis."""
     from seatrial.estimation.regression.row_fit import SCREENING
 
     data, optional = screened.data, screened.optional
@@ -36,7 +36,7 @@ def screening_lines(screened: Screened) -> list[str]:
     settings = "".join(f", {data.attrs[key]}" for key in ("prior", "delay") if data.attrs[key])
     lines = [
         f"screening of {data.attrs['count']} structures in closed form{settings} "
-        "(in brackets: prior three times narrower, three times wider, worth one row):"
+        "(in brackets: with priors a third as wide, three times as wide, as informative as one row):"
     ]
     here = data["inclusion"].sel(term=optional).values
     unit = data["inclusion_by_unit_information"].sel(term=optional).values
@@ -50,7 +50,7 @@ def screening_lines(screened: Screened) -> list[str]:
 
 
 def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
-    """Return a line for each axis of several: which terms it needs, which not, and about which these data leave doubt.
+    """Return a line for each axis of several: terms that it needs, terms that it does not, and undecided ones.
 
     Args:
         inclusion: probability of each optional term.
@@ -72,7 +72,7 @@ def verdicts_by_axis(inclusion: Mapping[str, float]) -> list[str]:
 
 
 def contenders_lines(contenders: Contenders, selection: Selection) -> list[str]:
-    """Return what the runner-up would change, what is undecided, and which trial would decide."""
+    """Return the effect of the runner-up, the undecided terms, and the trial that would decide."""
     return [difference_words(contenders), undecided_words(selection), trial_words(contenders, selection)]
 
 
@@ -83,7 +83,7 @@ def change_words(best: Sequence[str], other: Sequence[str]) -> str:
 
 
 def difference_words(contenders: Contenders) -> str:
-    """Return what choosing the runner-up would change in motion, or in force."""
+    """Return the change in motion, or in force, if the runner-up were chosen."""
     channel, best, runner = contenders.channel, contenders.best, contenders.runner_up
     (factor, unit), name = shown_unit(channel), "the speed" if channel == "u" else channel
     parts = [
@@ -103,10 +103,9 @@ def trial_words(contenders: Contenders, selection: Selection) -> str:
     """Return which design of the best family would decide between the two, or that none would."""
     best, runner = contenders.labels
     if selection.is_settled:
-        return f"these data have decided between {best} and {runner}; no trial is needed for that"
+        return f"these data decide between {best} and {runner}; no further trial is needed for that"
     if not selection.is_reliable:
-        what = f"whether these data decide between {best} and {runner}"
-        return f"{what} cannot be said before the evidence is reliable: {BETTER_EVIDENCE}"
+        return f"first make the evidence reliable, to decide between {best} and {runner}: {BETTER_EVIDENCE}"
     gain = f"{contenders.nats:.2g} nat of evidence expected, {ENOUGH:g} decide"
     if contenders.nats > ENOUGH:
         return f"to decide between {best} and {runner}, run {one_design(contenders.trial)}: {gain}"
@@ -122,25 +121,25 @@ def one_design(words: str) -> str:
 
 
 def condition_of(selection: Selection) -> str:
-    """Say under which condition the probabilities hold; empty where nothing speaks against them."""
+    """Return the condition of the probabilities; empty if the evidence is reliable."""
     return "" if selection.is_reliable else IF_RELIABLE
 
 
 def undecided_words(selection: Selection) -> str:
-    """Name the terms about which these data leave doubt."""
+    """Return the undecided terms."""
     doubtful = [f"{term} ({p:.2f})" for term, p in selection.undecided.items()]
     unless = condition_of(selection)
     if not doubtful:
         return f"these data decide about every optional term{unless}"
-    return f"not decided: {', '.join(doubtful)}; in brackets the probability that it is needed{unless}"
+    return f"not decided (with the probability that the term is needed{unless}): {', '.join(doubtful)}"
 
 
 def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
-    """Name the methods of an evidence, those that agree, what is known of the others, and the difference, nats, that changes a decision."""
+    """Return the methods of an evidence, those that agree, notes on the others, and the difference, nats, that changes a decision."""
     table = evidence.diagnostics["methods"]
     needs = [] if needed is None else [f"a decision on a term changes if it is wrong by {needed:.2g} nat"]
     if len(table) == 1 and not evidence.status:
-        return "; ".join([f"by {METHOD_LABELS[next(iter(table))]}, with no other method asked", *needs])
+        return "; ".join([f"by {METHOD_LABELS[next(iter(table))]}, without another method", *needs])
     value = value_of(table)
     others = {name: one for name, one in table.items() if name != value and not one["status"]}
     agree = [
@@ -157,22 +156,22 @@ def agreement_words(evidence: Evidence, needed: float | None = None) -> str:
 
 
 def agreement_counts(labels: Sequence[str], evidences: Sequence[Evidence]) -> str:
-    """Say on how many evidences two methods agree without a third, which nested sampling decided, and on how many no decision depends.
+    """Return on how many evidences two methods agree, which nested sampling decided, and on how many no decision depends.
 
-    Nothing where none is sound.
+    Empty if none is sound.
     """
     tables = {label: one.diagnostics["methods"] for label, one in zip(labels, evidences, strict=True) if not one.status}
     sound = {label: table for label, table in tables.items() if len(table) > 1}
     decided = [label for label, table in sound.items() if "nested" in table]
     agreed, count, alone = len(sound) - len(decided), len(evidences), len(tables) - len(sound)
     if alone == count:
-        return "Importance sampling gave every evidence. No other method was asked, because no decision on a term depends on one evidence."
+        return "Importance sampling gave every evidence. No other method was needed, because no decision depends on one evidence."
     if agreed == count:
         return "Every evidence was computed by importance sampling and by tempered SMC, and the two agree."
     parts = [f"Importance sampling and tempered SMC agree on {agreed} of {count} evidences"] if sound else []
     parts += [f"nested sampling decided that of {listed(decided)}"] if decided else []
     if alone:
         parts.append(
-            f"no decision depends on {'the other' if alone == 1 else f'{alone} others'}, by importance sampling alone"
+            f"no decision depends on {'the other' if alone == 1 else f'{alone} others'}, by importance sampling only"
         )
     return f"{'; '.join(parts)}." if parts else ""

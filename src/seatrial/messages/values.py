@@ -1,10 +1,10 @@
-"""Values of parameters in lines: the coefficients first, then whatever else was estimated."""
+"""Values of parameters in lines: the coefficients first, then all other parameters."""
 
 from collections.abc import Collection, Mapping, Sequence
 
 from seatrial.core.display_units import listed
 
-# What a parameter that is no coefficient is, by the first word of its name.
+# Kinds of parameters that are no coefficients, by the first word of their names.
 KINDS = {
     "sigma": "noise",
     "tau": "noise",
@@ -26,7 +26,7 @@ KINDS = {
 
 
 def other_kinds(names: Sequence[str]) -> str:
-    """Say what parameters are that are no coefficients: `noise and starting values`."""
+    """Return the kinds of parameters that are no coefficients: `noise and starting values`."""
     bases = [name.partition("[")[0] for name in names]
     kinds = [
         "starting values" if base.endswith("_0") else KINDS.get(base.partition("_")[0], "other unknowns")
@@ -36,7 +36,7 @@ def other_kinds(names: Sequence[str]) -> str:
 
 
 def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = "") -> str:
-    """Return a value with its ± in the unit in which it is shown, of which there are so many in an SI unit, and what the ± is made of."""
+    """Return a value with its ± in the unit shown, with `factor` such units in an SI unit, and the parts of the ±."""
     factor, unit = shown
     return f"{factor * mean:>12.5g} ± {factor * sd:<10.3g} {unit:<10} {made_of}".rstrip()
 

@@ -1,8 +1,8 @@
-"""What a campaign takes as exact: inertias and known forces, with which the coefficients of their axis scale.
+"""Inertias and known forces that a campaign assumes exact; the coefficients of their axis scale with them.
 
 The equation of an axis keeps its solutions if inertia, known forces and all coefficients are multiplied by one number. Data therefore
-tell no coefficient better than the inertia and the forces that are stated. The ± holds an error of the inertia, unless that is stated to be
-exact, and no error of known forces.
+determine no coefficient better than the stated inertia and forces. The ± contains an error of the inertia, unless that is stated to be
+exact, but no error of known forces.
 """
 
 from seatrial.campaign.config.campaign import Campaign
@@ -23,7 +23,7 @@ _UNIT = {"X": "kg", "Y": "kg", "Z": "kg", "N": "kg m^2"}  # Of inertia about or 
 
 
 def taken_as_exact(campaign: Campaign) -> str:
-    """Say which inertias and forces are taken as exact, by which all coefficients of an axis scale; empty where none is."""
+    """Return the inertias and forces that are assumed exact, with which all coefficients of an axis scale; empty if there are none."""
     if campaign.hull.mass is None:
         return ""
     free = [CoefficientName.parse(name) for name in campaign.full.terms]
@@ -49,17 +49,18 @@ def taken_as_exact(campaign: Campaign) -> str:
             name for name in _axes(axis) if any(one.axis == name for one in own)
         )
         if is_sought and forces and body:
-            taken_up.append(f"{body}, whose error {added} takes up")
+            taken_up.append(f"{body} ({added} contains its error)")
     if not scaling:
         return ""
     sentences = [
-        f"{facts}, to which all coefficients of {listed(axes)} are in proportion" for facts, axes in scaling.items()
+        f"{facts} (all coefficients of {listed(axes)} scale with {'them' if ' and ' in facts else 'it'})"
+        for facts, axes in scaling.items()
     ]
     guessed = f"; if {' or '.join(guesses)} is a guess, move it to structure.always with a prior"
     more = (
         f". {campaign.example_vehicle}" if campaign.example_vehicle else guessed if guesses and campaign.imports else ""
     )
-    return f"assumed exact, in no ±: {'; '.join(sentences + taken_up)}{more}"
+    return f"assumed exact, not in the ±: {'; '.join(sentences + taken_up)}{more}"
 
 
 def _axes(axis: str) -> tuple[str, ...]:
@@ -68,7 +69,7 @@ def _axes(axis: str) -> tuple[str, ...]:
 
 
 def _body(hull: Hull, axis: str) -> str:
-    """Name the mass or moment of inertia of an axis; empty where it is unknown."""
+    """Return the mass or moment of inertia of an axis; empty if it is unknown."""
     if axis != "N":
         return f"a mass of {hull.mass:.4g} kg"
     turning = hull.inertia[2]
@@ -76,7 +77,7 @@ def _body(hull: Hull, axis: str) -> str:
 
 
 def _forces(campaign: Campaign, model: VehicleModel, axis: str) -> list[str]:
-    """Name the known forces of controls along an axis: fixed coefficients, and thrusters whose gain nobody seeks."""
+    """Return the known forces of controls along an axis: fixed coefficients, and thrusters with a fixed gain."""
     fixed = campaign.hull.fixed
     named = [CoefficientName.parse(name) for name in fixed]
     stated = [one for one in named if one.axis in _axes(axis) and {*one.signals} & {*model.controls}]
@@ -85,7 +86,7 @@ def _forces(campaign: Campaign, model: VehicleModel, axis: str) -> list[str]:
         forces = [f"{len(forces)} fixed coefficients of controls"]
     vehicle, terms = campaign.vehicle, map(CoefficientName.parse, campaign.full.terms)
     if not isinstance(vehicle, WholeVehicle) or any(one.axis == "T" for one in (*named, *terms)):
-        return forces  # a term of T says what the command of a thruster does
+        return forces  # a term of T describes the effect of the command of a thruster
     thrusters, sought = vehicle.body.thrusters, {*vehicle.unknowns}
     along = allocation(thrusters)[AXES.index(axis)]
     names = [name for name, share in zip(controls_of(thrusters, ()), along, strict=True) if abs(share) > _NOTHING]

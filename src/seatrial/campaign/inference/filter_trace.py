@@ -60,7 +60,7 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
     error = np.sqrt(2.0 / max(count.sum(), 1))
     if abs(ratio - 1.0) > max(5.0 * error, 0.2):
         word = "smaller" if ratio < 1 else "larger"
-        finding = f"innovations of the filter are {word} than its nominal sensor noise says (normalised square {ratio:.2f} instead of 1)"
+        finding = f"innovations of the filter are {word} than its nominal sensor noise (normalised square {ratio:.2f} instead of 1)"
         beyond = np.sqrt(ratio) / np.exp(np.mean(np.log(fitted))) if fitted else 1.0
         if not 1 / EXPLAINED < beyond < EXPLAINED:
             lines.append(

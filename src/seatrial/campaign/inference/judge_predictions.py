@@ -176,9 +176,7 @@ def fit_complaints(fits: Sequence[Fit], pooled: Sequence[Pooled] = ()) -> list[M
     groups = _alike(fits)
     named = {first.record for first, *_ in groups}
     beyond = {fit.record: fit.outside for fit in fits if fit.outside and fit.record not in named}
-    left = [
-        f"held-back run {record} goes beyond what was fitted: {', '.join(words)}" for record, words in beyond.items()
-    ]
+    left = [f"held-back run {record} leaves the fitted range: {', '.join(words)}" for record, words in beyond.items()]
     return [*together, *(_finding(group) for group in groups if not group[0].is_alarm), *left]
 
 
@@ -202,9 +200,7 @@ def disowned(fits: Sequence[Fit]) -> str:
 def held_back_cautions(imports: ImportTable | None, trials: Trials) -> list[str]:
     """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
     if imports is not None and not trials.predict:
-        return [
-            f"no run was held back, so it is not known whether the stated bands hold on new runs; {hold_back_words(imports)}"
-        ]
+        return [f"no run was held back, so the bands are not tested on new runs; {hold_back_words(imports)}"]
     return [
         f"held-back run {record.label} has the input of run {other.label}: a good prediction shows only that the vehicle repeats "
         "itself; hold back a run with another input"

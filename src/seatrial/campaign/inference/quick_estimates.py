@@ -74,13 +74,10 @@ DESIGNED_FROM = 800  # Draws about a mode from which the next trial is designed:
 # Structures, the most probable, whose standard deviations hold more than the noise at first sight; those of more would
 # take longer than the modes.
 MOST_BUDGETS = 8
-MODE = (
-    "first answers: the posterior mode, with the ± of a normal approximation that is not checked; "
-    "for checked intervals run `seatrial estimate` without --by"
-)
+MODE = "first answers: the posterior mode, with a normal ± that is not checked; for checked intervals: `seatrial estimate` without --by"
 REGRESSION = (
-    "first answers: a regression of accelerations without priors; plain with the measured speeds, refined with the simulated "
-    "speeds of the fitted vehicle; `seatrial estimate` without --by uses the likelihood of the measurements"
+    "first answers: a regression of accelerations without priors (plain: on measured speeds; refined: on simulated speeds); "
+    "for checked intervals: `seatrial estimate` without --by"
 )
 
 
@@ -256,7 +253,7 @@ def _answer(
     )
     note = f"log evidence by Laplace {mode.log_evidence:.2f}  {' '.join(structure.terms)}"
     held_back = predict_held_back(campaign, drawn, trials)
-    only_noise = "± contains the noise alone, as other structures are more probable"
+    only_noise = "± contains noise only, because other structures are more probable"
     return FirstAnswer(
         structure,
         rows,

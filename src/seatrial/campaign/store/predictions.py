@@ -66,7 +66,7 @@ class Fit(Score):
     @property
     def found(self) -> str:
         """Reason, and where the record leaves the fitted range."""
-        beyond = f"; it goes beyond what was fitted: {', '.join(self.outside)}"
+        beyond = f"; outside the fitted range: {', '.join(self.outside)}"
         return self.statement + beyond * bool(self.outside)
 
     @property

@@ -326,7 +326,7 @@ def _wrong(outcome: Outcome) -> Proposal | None:
         return None
     why, quoted = failures[0]
     failed = [fit for fit in outcome.fits if fit.held_back and fit.level == "fail"]
-    further = " or, where runs leave what was fitted, fit such runs" if any(fit.outside for fit in failed) else ""
+    further = " or, if runs leave the fitted range, fit such runs" if any(fit.outside for fit in failed) else ""
     advice = f"more trials would narrow the error bars without removing the error: correct the model{further} before the next one"
     return Proposal(None, _standing(outcome), (advice,), why=f"stop: {why}", quoted=quoted)
 

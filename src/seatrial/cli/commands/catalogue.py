@@ -10,7 +10,7 @@ from seatrial.cli.answer import current_answer
 
 def vehicle(
     name: Annotated[str | None, typer.Argument(help="A vehicle of the catalogue; all of them if left out.")] = None,
-    names: Annotated[bool, typer.Option("--names", help="List the names alone, one a line.")] = False,
+    names: Annotated[bool, typer.Option("--names", help="List only the names, one a line.")] = False,
 ) -> None:
     """List the published vehicles, or show one of them."""
     from seatrial.core.coefficients import CoefficientName
@@ -42,7 +42,7 @@ def vehicle(
 def explain(
     code: Annotated[str | None, typer.Argument(help="Code of a finding; all codes are listed if left out.")] = None,
 ) -> None:
-    """Explain what a finding means, and what to do about it."""
+    """Explain a finding and its remedy."""
     from seatrial.messages.catalogue import ENTRIES, entry_of
     from seatrial.messages.explain import explanation, listing
 
@@ -55,8 +55,8 @@ def explain(
 def schema() -> None:
     """Print the JSON Schema of a campaign file, for an editor.
 
-    An editor completes and checks the file by it. The first line of a template names it: write it beside campaign.toml, into
-    campaign.schema.json.
+    An editor completes and checks the file by it. The first line of a template names it: write it to campaign.schema.json in the folder
+    of campaign.toml.
     """
     from seatrial.campaign.config.schema import json_schema
 

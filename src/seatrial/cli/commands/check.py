@@ -1,4 +1,4 @@
-"""Whether it may be believed: the filter's tuning, and the calibration of the stated uncertainty."""
+"""Commands that check: records, the tuning of the filter, and the calibration of the stated uncertainty."""
 
 from typing import Annotated, Any
 
@@ -11,7 +11,7 @@ from seatrial.sampling.names import DEFAULT, METHODS
 def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Check records for wrong signs, units, delays and outliers.
 
-    It also says which terms each record can determine, and writes a plot of the raw signals.
+    It also lists the terms that each record can determine, and writes a plot of the raw signals.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
@@ -53,7 +53,7 @@ def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
 
 def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
-    """Of a campaign without a record: that its file can be used, whether it is designed, and how it goes on."""
+    """Print that the file of a campaign without a record is valid, whether it is designed, and its next step."""
     from seatrial.campaign.data.no_record import no_record
     from seatrial.campaign.prior.cautions import file_cautions
     from seatrial.campaign.workflow.status import standing
@@ -61,13 +61,13 @@ def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
     answer.say(f"{campaign.path} is valid; there is no record to check yet")
     design, records, *_ = standing(campaign.folder)
     answer.say(f"  {design.name}: {design.state}; {records.name}: {records.state}")
-    answer.say(f"to go on: {no_record(campaign).remedy}")
+    answer.say(f"next step: {no_record(campaign).remedy}")
     answer.give(records=[])
     return answer.finish([], file_cautions(campaign))
 
 
 def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Check the tuning of the filter, and say what to change.
+    """Check the tuning of the filter, and recommend changes.
 
     P is the uncertainty at the start, Q the process noise, R the noise of the sensors.
     """

@@ -15,7 +15,7 @@ def simulate(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Also run another design by the name of its schedule, for example next; or free_form, self_oscillation, searched, "
+            help="Also run another design, by the name of its schedule: next, free_form, self_oscillation, searched, "
             "proposed, batch (all its trials) or batch_2 (one of them).",
         ),
     ] = None,
@@ -29,7 +29,7 @@ def simulate(
     label: Annotated[
         str | None,
         typer.Option(
-            help="Name of the record that is added, for example second; if not given, that of its design or of its file."
+            help="Name of the new record, for example second; if not given, that of its design or of its file."
         ),
     ] = None,
     alone: Annotated[
@@ -39,7 +39,7 @@ def simulate(
 ) -> None:
     """Simulate the best design, and further trials if asked.
 
-    A trial that is added stays: later commands estimate from its record too.
+    An added trial stays: later commands also fit its record.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
@@ -72,7 +72,7 @@ def import_logs(
         str | None,
         typer.Option(
             metavar="CHANNELS",
-            help="Measured channels, such as u,r, of which every record is smoothed; writes values and rates, each with its sd.",
+            help="Channels to smooth and differentiate, such as u,r; writes values and rates, each with its sd.",
         ),
     ] = None,
     quiet: Quiet = False,
@@ -95,7 +95,7 @@ def import_logs(
 
 
 def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, reporter: Any, answer: Answer) -> Any:
-    """Import with other ends of the runs, which are written to the campaign file once that has gone well."""
+    """Import with other ends of the runs, and write these to the campaign file if the import succeeds."""
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.data.import_logs import available_of, import_trials
     from seatrial.campaign.data.no_record import no_record
@@ -133,13 +133,13 @@ def _trim(campaign: Any, run: str | None, start: str | None, end: str | None, re
             "--end",
             found=f"{end}, and the files end before it: {runs}",
             expected="an end inside the run",
-            remedy="give an earlier end, counted from where the files of the run overlap",
+            remedy="give an earlier end, counted from the start of the overlap of the files",
         )
     write_file(campaign.folder, text, seen)
     if short:
-        answer.caution(f"the files of some runs end before --end, and the runs with them: {runs}")
+        answer.caution(f"the files of some runs end before --end, so these runs end there: {runs}")
     for own in others:
-        answer.caution(f"run {own} keeps its own start and end; --run {own} changes them")
+        answer.caution(f"run {own} has a separate start and end; --run {own} changes them")
     return trials
 
 
@@ -179,7 +179,7 @@ def _say_trials(answer: Answer, trials: Any, campaign: Any, accelerations: str |
 
 
 def _smooth(answer: Answer, campaign: Any, trials: Any, channels: str) -> None:
-    """Smooth channels of every record, write them with their rates, and say what was found."""
+    """Smooth channels of every record, write them with their rates, and print the results."""
     from seatrial.campaign.data.accelerations import check_names, smooth_channels, write_accelerations
     from seatrial.report.figure_files import write_accelerations_picture
 

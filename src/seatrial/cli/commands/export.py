@@ -21,18 +21,17 @@ def export(
         str | None, typer.Option("--to", metavar=_TARGETS, help=f"Simulator or file format; with --trial {_TRIALS}.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FOLDER", help="Where to write; DIR/export/<target> if not given.")
+        Path | None,
+        typer.Option("--out", metavar="FOLDER", help="Folder of the files; DIR/export/<target> if not given."),
     ] = None,
     trial: Annotated[
         bool, typer.Option("--trial", help="Export the trial to run next instead of the vehicle.")
     ] = False,
-    structure: Annotated[
-        str | None, typer.Option(help="Label of another structure than the chosen one, such as M-1.")
-    ] = None,
+    structure: Annotated[str | None, typer.Option(help="Structure instead of the chosen one, such as M-1.")] = None,
     rest: Annotated[
         str | None,
         typer.Option(
-            "--fill-from", metavar="VEHICLE", help="Published vehicle from which unmodelled coefficients are taken."
+            "--fill-from", metavar="VEHICLE", help="Take unmodelled coefficients from this published vehicle."
         ),
     ] = None,
     schedule: Annotated[
@@ -40,9 +39,7 @@ def export(
     ] = None,
     engine: Annotated[
         str | None,
-        typer.Option(
-            metavar="<dart|other>", help="With --to gz: dart, or other for an engine without added mass of its own."
-        ),
+        typer.Option(metavar="<dart|other>", help="With --to gz: dart, or other for an engine without added mass."),
     ] = None,
     density: Annotated[
         str | None,
@@ -99,7 +96,7 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
         raise InputError(
             "--trial",
             found=f'"{folder}", which is no folder',
-            expected="the folder of a campaign, whose next trial is to be run",
+            expected="the folder of a campaign with a next trial",
             remedy="name it; a vehicle of the catalogue has no trials",
         )
     trial = read_trial(folder, schedule)
@@ -113,7 +110,7 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
 
 
 def _say(lines: Sequence[str], paths: Sequence[Path]) -> Answer:
-    """Print what an export says of itself, and its files."""
+    """Print the statement of an export, and its files."""
     answer = current_answer()
     answer.say("\n".join(lines))
     for path in paths:
@@ -123,7 +120,7 @@ def _say(lines: Sequence[str], paths: Sequence[Path]) -> Answer:
 
 
 def _only(place: str, **options: Any) -> None:
-    """Refuse options that have no meaning where they stand."""
+    """Refuse options without a meaning here."""
     from seatrial.core.errors import InputError
 
     for name, value in options.items():

@@ -1,4 +1,4 @@
-"""What the records say: coefficients, how well each is known, and the terms they support."""
+"""Commands that fit and compare: coefficients, their precision, and the terms that the records support."""
 
 from enum import StrEnum
 from typing import Annotated, Any
@@ -24,19 +24,19 @@ def estimate(
     by: Annotated[
         By,
         typer.Option(
-            help="chains: sample the whole posterior. mode, equation-error: first answers without chains, not checked; "
-            "the mode is kept for a later campaign's priors_from."
+            help="chains: sample the whole posterior. mode, equation-error: quick first answers without checks. "
+            "A later campaign can use the mode by priors_from."
         ),
     ] = By.CHAINS,
     window: Annotated[
         str | None,
         typer.Option(
             metavar="TIME",
-            help='With equation-error: width of the window that smooths the speed, such as "2 s", instead of using the channel udot.',
+            help='With equation-error: smooth the speed by a window of this width, such as "2 s", instead of using the channel udot.',
         ),
     ] = None,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Print every structure in full, not the most probable one only.")
+        bool, typer.Option("--verbose", "-v", help="Print every structure in full, not only the most probable one.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -62,7 +62,7 @@ def profile(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Show the range of each parameter that the data alone allow."""
+    """Show the range of each parameter by the data only."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.workflow.steps import Workflow
@@ -99,9 +99,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.say(f"{row.label}  {value}  probability {row.probability:.3f}  {' '.join(row.terms)}")
             answer.say(f"  {agreement_words(evidence, row.log_evidence_needed)}")
         if any(row.log_evidence_with_errors is not None for row in selection.rows):
-            answer.say(
-                "probabilities are of the evidences with every error: averaged over the errors that a ± contains, also slow noise"
-            )
+            answer.say("probabilities use the evidences with every error that a ± contains")
         if len(selection.rows) > 1:
             answer.say(BEFORE_DATA[selection.structure_prior])
         for verdict in selection.verdicts:
@@ -114,7 +112,7 @@ def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None
             answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
         never = [term for term in campaign.rules.never if term in campaign.structure.optional]
         if never:
-            cautions = [*cautions, f"the rules leave out {', '.join(never)}: no structure has it"]
+            cautions = [*cautions, f"the rules exclude {', '.join(never)}: no structure has it"]
         return answer.finish(list(selection.alarms), [*cautions, *selection.cautions])
 
     with_campaign(folder, quiet, work, context)
@@ -219,7 +217,7 @@ def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> E
 
 
 def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, known: Any) -> list[str]:
-    """Return all that is printed of the posterior of one structure."""
+    """Return the printed lines of the posterior of one structure."""
     from seatrial.campaign.inference.judge_predictions import held_back_lines
     from seatrial.messages.effects import shares_text
     from seatrial.messages.known import known_lines
@@ -238,7 +236,7 @@ def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, kno
 
 
 def _state(item: Any, known: Any) -> str:
-    """Say in a few words whether a posterior can be used; alarms and cautions are printed below with their reasons."""
+    """Return in a few words whether a posterior can be used; alarms and cautions are printed below with their reasons."""
     if item.alarms:
         return "alarm, see below"
     if item.at_bounds:
@@ -273,13 +271,13 @@ def _say_structures(
         for one, value, _, state in (rows[at] for at in others[:MAX_LINES])
     ]
     left = len(others) - MAX_LINES
-    answer.say("the other structures, how much less log evidence they have, and their state:")
+    answer.say("other structures, with the difference of log evidence and their state:")
     answer.say("\n".join(f"  {line}" for line in aligned(lines, left=(0, 1, 3))))
     answer.say(f"  {f'and {left} more; ' if left > 0 else ''}`--verbose` prints each in full")
 
 
 def _checked_trials(campaign: Any, flow: Any, answer: Answer) -> Any:
-    """Return the records, and say before anything is fitted what is wrong with them and with priors of earlier campaigns."""
+    """Return the records, and print their faults and those of priors of earlier campaigns before the fit."""
     from seatrial.campaign.config.earlier_campaigns import lost_correlations
     from seatrial.campaign.data.check import record_doubts, step_cautions
 
@@ -359,7 +357,7 @@ def _first_answer(one: Any) -> dict[str, Any]:
 def _judge_unseen(
     answer: Answer, baselines: Any, labels: list[str], weights: list[float], held_back: list[Any]
 ) -> tuple[list[Any], list[str]]:
-    """Say how the most probable structure stands beside the baselines; returns what forbids to rely on it on other runs, and doubts."""
+    """Print how the most probable structure compares with the baselines; return alarms and cautions about other runs."""
     from seatrial.campaign.inference.baselines import (
         compare_with_baselines,
         comparison_alarms,

@@ -1,4 +1,4 @@
-"""A campaign file to begin from: a template, a published vehicle, a log of one, or answers in a terminal."""
+"""A first campaign file from a template, a published vehicle, its log, or answers in a terminal."""
 
 import sys
 from collections.abc import Callable
@@ -14,19 +14,19 @@ Template = Annotated[
     str | None,
     typer.Option(
         metavar="<remus100|design|steering|log|bollard>",
-        help="A template: remus100 is simulated; design and steering have no data yet; log (one propeller, surge) and bollard read a "
-        "CSV log. With several thrusters: docs/how-to/own_log.md, Two thrusters that push and turn.",
+        help="Template. remus100 is simulated; design and steering have no data yet; log (one propeller, surge) and bollard read a "
+        "CSV log. For several thrusters see docs/how-to/own_log.md, Two thrusters that push and turn.",
     ),
 ]
 Vehicle = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Published vehicle, see `seatrial vehicle`; for your own take --template."),
+    typer.Option(metavar="NAME", help="Published vehicle, see `seatrial vehicle`; for another vehicle use --template."),
 ]
 Log = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="A log of the vehicle, your own if --vehicle is not given: its columns are guessed and imported.",
+        help="Log of the vehicle, your own if --vehicle is not given; its columns are guessed, and the campaign imports it.",
     ),
 ]
 
@@ -34,14 +34,14 @@ Log = Annotated[
 def init(folder: Folder, template: Template = None, vehicle: Vehicle = None, log: Log = None) -> None:
     """Write a commented campaign file.
 
-    Without options it asks, in a terminal, for each value of a template; elsewhere it writes the template remus100.
+    Without options it asks for each value of a template, if run in a terminal; otherwise it writes the template remus100.
     """
     from seatrial.core.errors import InputError
 
     if template is not None and (vehicle is not None or log is not None):
         raise InputError(
             f"--template {template}",
-            found="--vehicle or --log beside it",
+            found="--vehicle or --log too",
             expected="a template, or a published vehicle",
             remedy="leave --template out, or edit the file that it writes",
         )
@@ -85,7 +85,7 @@ def _write_of_vehicle(folder: Path, vehicle: str, log: Path | None) -> None:
             folder,
             text,
             f"{vehicle or 'your vehicle'} and its log {log.name}",
-            f"look at its map and its {'law of thrust' if vehicle else 'mass and priors'}, then: {following}",
+            f"check its map and its {'law of thrust' if vehicle else 'mass and priors'}, then: {following}",
         )
 
 
@@ -103,7 +103,7 @@ def _write(folder: Path, text: str, subject: str, following: str) -> None:
 
 
 def _ask_all(folder: Path) -> None:
-    """Ask for what a campaign begins from, then for the values of its template."""
+    """Ask for the source of a campaign, then for the values of its template."""
     from seatrial.campaign.config.templates import TEMPLATES, template_text
     from seatrial.core.argument_checks import check_choice
     from seatrial.vehicles.catalogue import vehicle_names
@@ -121,12 +121,12 @@ def _ask_all(folder: Path) -> None:
     else:
         echo("Each value is an example: press Enter to keep it.")
         text = _checked(folder, _ask(template_text("design")))
-        following = f"next, see the priors as speeds: seatrial prior {folder}; then: seatrial design {folder}"
+        following = f"next: seatrial prior {folder} shows the speeds of the priors; then: seatrial design {folder}"
         _write(folder, text, "your own vehicle", following)
 
 
 def _ask(text: str) -> str:
-    """Ask for every value of a campaign file; an answer may add questions or take some away, as that for the terms does."""
+    """Ask for every value of a campaign file; an answer may add or remove questions, such as the answer for the terms."""
     from seatrial.cli.questions import questions
 
     asked: set[str] = set()
@@ -168,7 +168,7 @@ def _checked(folder: Path, text: str) -> str:
 
 
 def _ask_until(question: str, default: str, read: Callable[[str], str]) -> str:
-    """Ask until an answer can be read, and return what `read` makes of it."""
+    """Ask until an answer can be read, and return the result of `read`."""
     from seatrial.core.errors import InputError
 
     while True:

@@ -1,4 +1,4 @@
-"""While the vehicle runs: what is known so far, and whether to go on."""
+"""Estimates while the vehicle runs, and the advice to continue or to stop."""
 
 import json
 import signal
@@ -19,35 +19,34 @@ def live(
         str,
         typer.Argument(
             metavar="[SOURCE]",
-            help="A text file that grows, - for standard input, udp:HOST:PORT for MAVLink that arrives there, or ros2 for the topics "
-            "of the [import] table.",
+            help="A growing text file, - for standard input, udp:HOST:PORT for MAVLink, or ros2 for the topics of the [import] table.",
         ),
     ] = "-",
     every: Annotated[
-        float, typer.Option(min=0.1, help="Seconds between two lines if the output is not a terminal, or with --json.")
+        float, typer.Option(min=0.1, help="Seconds between lines, if the output is not a terminal or with --json.")
     ] = 10.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print lines of JSON instead of text.")] = False,
     gap: Annotated[
         float,
-        typer.Option(min=0.01, help="Seconds without a sample after which the vehicle's states are initialised again."),
+        typer.Option(
+            min=0.01, help="Seconds without a sample after which the states of the vehicle are initialised again."
+        ),
     ] = 2.0,
     hold: Annotated[
-        float, typer.Option(min=0.0, help="Seconds for which the goal must be met before the advice is to stop.")
+        float, typer.Option(min=0.0, help="Seconds for which the goal must be met before the advice to stop.")
     ] = 5.0,
-    idle: Annotated[
-        float, typer.Option(min=0.0, help="End when nothing has come for so many seconds; 0 to wait for ever.")
-    ] = 0.0,
+    idle: Annotated[float, typer.Option(min=0.0, help="End after so many seconds without data; 0: never.")] = 0.0,
     no_library: Annotated[
-        bool, typer.Option("--no-library", help="Compute no designs; then no other input is proposed.")
+        bool, typer.Option("--no-library", help="Compute no designs, and propose no other input.")
     ] = False,
     with_import: Annotated[
         bool, typer.Option("--import", help="At the end add the session to the runs of the campaign file.")
     ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Follow a trial while it runs, and say when to stop.
+    """Follow a trial while it runs, and recommend when to stop.
 
-    It never commands the vehicle. Everything that comes is kept under results/live; Ctrl-C ends the session.
+    It never commands the vehicle. All data are kept under results/live; Ctrl-C ends the session.
     """
     from seatrial.campaign.live.session import LiveSettings
 
@@ -72,7 +71,7 @@ def live(
 def _begin(
     folder: Any, source: str, settings: Any, no_library: bool, with_import: bool, reporter: Any
 ) -> tuple[Any, Any]:
-    """Read the campaign, open the stream, and compile all that is needed before the first sample."""
+    """Read the campaign, open the stream, and compile all programs before the first sample."""
     from seatrial.campaign.config.load import load_campaign
     from seatrial.campaign.live.next_segment import make_library
     from seatrial.campaign.live.session import Session
@@ -82,7 +81,7 @@ def _begin(
     from seatrial.core.errors import NumericalError, SeatrialError
 
     campaign = load_campaign(folder)
-    if with_import:  # whether that can be is known before anything comes
+    if with_import:  # fails before the session if the file cannot take it
         with_session(campaign, "live")
     session = Session(campaign, source, settings)
     if source == "ros2" or source.startswith("udp:"):
@@ -96,7 +95,7 @@ def _begin(
                 session = Session(campaign, source, settings, library)
             except (SeatrialError, NumericalError) as error:
                 first = str(error).splitlines()
-                reporter.say(f"without advice which segment to run: {' '.join(line.strip() for line in first[:2])}")
+                reporter.say(f"no advice on the next segment: {' '.join(line.strip() for line in first[:2])}")
         session.warm()
         session.kept = Kept(campaign, stream.suffix, (*session.controls, *session.measured))
     except BaseException:
@@ -125,7 +124,7 @@ def _follow(session: Any, stream: Any, idle: float, stopped: list[int], show: An
 
 
 def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
-    """Say what was found at last, what was left out, and how the whole analysis goes on from the session."""
+    """Print the last estimates, samples left out, and the commands for the whole analysis of the session."""
     from seatrial.campaign.live.session_files import import_lines, with_session
     from seatrial.cli.campaign_text import read_file, write_file
 
@@ -135,7 +134,7 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
         last = session.look()
         echo(json.dumps(last.as_json()) if as_json else "\n".join(last.lines()))
         if last.kind == "check":
-            first = "first correct the map or the campaign, as the last advice says; "
+            first = "first correct the map or the campaign by the last advice; "
     counted = ", ".join(f"{kind}: {count}" for kind, count in session.notes.counts.items() if count > 1)
     echo(
         f"kept: {kept.path} ({session.samples} samples)" + (f"; left out or corrected: {counted}" if counted else ""),
@@ -158,7 +157,7 @@ def _end(session: Any, as_json: bool, with_import: bool) -> Exit:
 
 
 class _Block:
-    """One block of lines that is refreshed, with what is told above it."""
+    """One block of lines that is refreshed, with notes above it."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -184,7 +183,7 @@ class _Block:
 
 
 class _Lines:
-    """A line now and then, and at once where the advice becomes another."""
+    """A line at intervals, and at once if the advice changes."""
 
     def __init__(self, every: float, as_json: bool):
         self.every, self.as_json = every, as_json

@@ -1,4 +1,4 @@
-"""Logs before they are imported: what they hold, and a channel map to begin with."""
+"""Logs before the import: their columns, and a draft of a channel map."""
 
 import time
 from collections.abc import Callable
@@ -18,8 +18,8 @@ def inspect(
         list[Path],
         typer.Argument(
             metavar="LOG",
-            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log; "
-            "several if the files of one run are to be mapped together.",
+            help="CSV, TSV, Parquet, NetCDF, MATLAB, NumPy archive, ROS 1 or 2 bag, MCAP, dataflash, MAVLink, PX4 or MOOS log. "
+            "Give several files of one run to map them together.",
         ),
     ],
     table: Annotated[
@@ -29,7 +29,7 @@ def inspect(
         bool, typer.Option("--map", help="Print only the guessed map, as [[import.files]] of a campaign file.")
     ] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Channels to map, such as u,tau_X; all that can be guessed if not given.")
+        list[str] | None, typer.Option(help="Channels to map, such as u,tau_X; all guessed ones if not given.")
     ] = None,
     delimiter: Annotated[
         str | None,
@@ -41,8 +41,8 @@ def inspect(
 ) -> None:
     """List the columns of a log, and guess its channel map.
 
-    Of several logs, a channel is mapped from the first that has it. A log that adds no channel is taken for another run. If the clocks of a
-    run do not meet, the shift is sought where both logs hold one quantity.
+    If several logs have a channel, the first is used. A log without a new channel counts as another run. If the clocks of the logs of a run
+    differ, a quantity that both logs contain gives the shift.
     """
 
     def work(reporter: Any) -> Exit:
@@ -77,7 +77,7 @@ def inspect(
 
 
 def _late_progress(reporter: Any, title: str) -> Callable[[float], None]:
-    """Progress that shows itself only where the work takes over two seconds."""
+    """Return a progress bar that appears if the work takes over two seconds."""
     started, report = time.monotonic(), None
 
     def told(share: float) -> None:

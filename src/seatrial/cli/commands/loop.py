@@ -9,14 +9,14 @@ from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
 
 
 class NextBy(StrEnum):
-    """What a next trial is designed from."""
+    """The posterior from which a next trial is designed."""
 
     CHAINS = "chains"
     MODE = "mode"
 
 
 def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Write report.html; compute what is missing first.
+    """Write report.html; compute missing results first.
 
     After `estimate --by mode` it reports the posterior mode, and does not start the chains.
     """
@@ -53,7 +53,7 @@ def _report_of_mode(campaign: Any, reporter: Any, answer: Answer, remedy: str) -
 
 
 def _chains_unasked(campaign: Any) -> str:
-    """Return how to obtain the whole posterior, and how long it takes, where the user has asked for the posterior mode only; or empty."""
+    """Return the command for the whole posterior, and its time, if the user has asked only for the posterior mode; or empty."""
     from seatrial.campaign.store.stored_result import Store
     from seatrial.campaign.workflow.steps import LOOP, Workflow
     from seatrial.campaign.workflow.whole_run import expected_seconds, size_of
@@ -67,13 +67,13 @@ def _chains_unasked(campaign: Any) -> str:
     words = f"`seatrial run {folder}` samples the whole posterior, compares the models and writes the report"
     if campaign.is_simulated and campaign.goal is not None:  # that would run further trials too
         words = f"`seatrial estimate {folder}` samples the whole posterior and `seatrial report {folder}` then writes the report"
-    return f"{words}, in about {duration_text(seconds)} by the size of the records and what such steps took on this machine"
+    return f"{words}, in about {duration_text(seconds)} by the size of the records and earlier times on this machine"
 
 
 def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
     """Run the whole loop and write report.html.
 
-    It continues where it stopped. On a simulated vehicle it runs trial after trial until the goal is met.
+    After an interruption it continues. On a simulated vehicle it runs trial after trial until the goal is met.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
@@ -96,13 +96,11 @@ def next_trial(
     ] = False,
     by: Annotated[
         NextBy,
-        typer.Option(
-            help="chains: run the whole loop. mode: answer from the posterior mode, without chains, while the boat waits."
-        ),
+        typer.Option(help="chains: run the whole loop. mode: answer quickly from the posterior mode, without chains."),
     ] = NextBy.CHAINS,
     quiet: Quiet = False,
 ) -> None:
-    """Say which trial to run next, or why to stop."""
+    """Recommend the next trial, or to stop."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.data.simulate import add_trial, check_simulated
@@ -111,7 +109,7 @@ def next_trial(
 
         if execute:
             check_simulated(campaign)
-        _ = campaign.design  # said before the loop is run
+        _ = campaign.design  # fails before the loop if there is none
         look = _by_loop if by is NextBy.CHAINS else _by_mode
         result = look(campaign, reporter)
         if execute and result.proposal.trial is not None:
@@ -140,7 +138,7 @@ def next_trial(
 
 
 class _Found(NamedTuple):
-    """The next trial, the designs it was chosen from, what the campaign's own schedule would teach now, and what is wrong."""
+    """The next trial, the designs it was chosen from, the information of the campaign's schedule, alarms and cautions."""
 
     proposal: Any
     designs: Any

@@ -1,4 +1,4 @@
-"""Before the trial: what the priors mean, the most informative trial, the plan of all trials and its rehearsal."""
+"""Commands before the trial: the motion of the priors, the most informative trial, the plan of all trials and its rehearsal."""
 
 import shlex
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from seatrial.cli.running import Folder, Quiet, with_campaign
 
 
 def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
-    """Show which speeds the priors allow, before any data."""
+    """Show the speeds that the priors allow, before any data."""
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
         from seatrial.campaign.prior.cautions import file_cautions
@@ -48,7 +48,7 @@ def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
 
 
 def _quantiles(values: Any) -> list[float | None]:
-    """Return the 5, 50 and 95 % quantiles of the values that are numbers; None three times where there are none."""
+    """Return the 5, 50 and 95 % quantiles of the finite values; None three times if there are none."""
     import numpy as np
 
     there = values[np.isfinite(values)]
@@ -63,7 +63,7 @@ def design(
         typer.Option(
             min=0,
             max=200,
-            help="Also design a schedule of no fixed shape, with this many levels of equal length, for example 24.",
+            help="Also design a schedule without a fixed shape, with this many levels of equal length, for example 24.",
         ),
     ] = 0,
     self_oscillation: Annotated[
@@ -73,7 +73,9 @@ def design(
     trials: Annotated[
         int,
         typer.Option(
-            min=0, max=20, help="Also choose this many different trials that are worth most together, for example 3."
+            min=0,
+            max=20,
+            help="Also choose this many different trials with the most information together, for example 3.",
         ),
     ] = 0,
     sensors: Annotated[
@@ -83,7 +85,7 @@ def design(
     search: Annotated[
         int,
         typer.Option(
-            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES with this many designs."
+            min=0, max=100_000, help="Also search between the points of the grid, by CMA-ES over this many designs."
         ),
     ] = 0,
     compare: Annotated[
@@ -91,7 +93,7 @@ def design(
         typer.Option(
             min=0,
             max=1000,
-            help="Also check the ranking: simulate the expected information gain of this many designs (5 or more), for example 12.",
+            help="Also check the ranking: simulate the expected information of this many designs (5 or more), for example 12.",
         ),
     ] = 0,
     quiet: Quiet = False,
@@ -133,7 +135,7 @@ def design(
         _each(answer, [partial(option, flow, answer) for option, wanted in options.items() if wanted])
         if not campaign.has_records:
             answer.say(
-                f"after the trial, add its log to this campaign: `seatrial check {shlex.quote(str(folder))}` says how"
+                f"after the trial, add its log to this campaign: `seatrial check {shlex.quote(str(folder))}` explains how"
             )
         return answer.finish([] if own is None else own.alarms, file_cautions(campaign))
 
@@ -148,17 +150,16 @@ def plan(
         typer.Option(
             min=0,
             max=10_000,
-            help="Rehearse instead: simulate how many trials the goal takes for this many vehicles (2 or more) drawn from the priors, "
-            "for example 20.",
+            help="Rehearse instead: count the simulated trials that the goal takes, for this many vehicles (2 or more) drawn from the "
+            "priors, for example 20.",
         ),
     ] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Plan all trials of a campaign within time and battery.
 
-    It prints their order, the chance of meeting the goals, and what to drop first. After a trial it plans the rest from the posterior mode.
-    With --vehicles it simulates trials of each vehicle until the goal is met: each designed from the ones before, one design repeated, and
-    random steps.
+    It prints their order, the chance of meeting the goals, and the trial to drop first. After a trial it plans the rest from the posterior
+    mode. With --vehicles it simulates trials of each vehicle until the goal is met: new designs, one design repeated, and random steps.
     """
 
     def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
@@ -198,7 +199,7 @@ def plan(
 
 
 def _so_far(campaign: Any, reporter: Any) -> Any:
-    """Return what the records taught, by the mode; None where there are none yet."""
+    """Return the information of the records, by the mode; None if there are none yet."""
     from seatrial.campaign.design.plan import SoFar
     from seatrial.campaign.inference.quick_estimates import best_mode, posterior_modes
     from seatrial.campaign.workflow.steps import Workflow
@@ -215,7 +216,7 @@ def _so_far(campaign: Any, reporter: Any) -> Any:
 def _check_options(
     campaign: Any, free_form: int, self_oscillation: bool, trials: int, search: int, compare: int
 ) -> None:
-    """Look for what each option needs before any work."""
+    """Check the requirements of each option before any work."""
     from seatrial.campaign.design.problem import design_problem
     from seatrial.campaign.design.searches import relay_search
     from seatrial.design.batch import BatchSearch
@@ -237,7 +238,7 @@ def _check_options(
 
 
 def _each(answer: Answer, options: list[Callable[[], list[str]]]) -> None:
-    """Print what each option finds; one that fails does not keep the others from running, and ends the command after them."""
+    """Print the results of each option; if one fails, the others run, and the command fails after them."""
     from seatrial.cli.console import fail
     from seatrial.core.errors import SeatrialError
 
