@@ -28,9 +28,7 @@ def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
         _table(("", "value"), _body(hull)),
     ]
     if not vehicle.coefficients:
-        parts.append(
-            "Its forces are no sum of named coefficients: they are written out, and nothing of them can be sought."
-        )
+        parts.append("Its forces are no sum of named coefficients, so none of them can be estimated.")
     for axis in (*AXES, "T"):
         rows = [
             (f"`{text}`", f"{value:.6g}", model.unit_of(CoefficientName.parse(text)), kind)
@@ -50,7 +48,7 @@ def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
     where = f"{speed:.4g} m/s straight ahead" if speed else "rest"
     senses = control_senses(model, vehicle.coefficients, speed)
     rows = [(name, sense_words(sense)) for name, sense in senses.items()]
-    intro = f"Signs are the source's. Effects of a positive change were found by simulation, from {where}:"
+    intro = f"Signs are those of the source. A simulation gave the effects of a positive change, from {where}:"
     parts += ["## Controls", intro, _table(("control", "a positive change"), rows)]
     if vehicle.actuators:
         parts += ["## Actuators", _table(("control", "lag, s", "limits", "rate"), _actuators(vehicle))]

@@ -23,12 +23,14 @@ from seatrial.vehicles.coriolis import matrix_products
 from seatrial.vehicles.hull import AXES, GRAVITY, Hull, rigid_mass_matrix, whole_hull
 from seatrial.vehicles.model import Params, VehicleModel, cached_model
 
-NOTES = """REMUS 100 of T. I. Fossen's Python Vehicle Simulator (MIT licence), by lift, drag and cross-flow of shapes.
-The simulator's text gives 31.9 kg, its spheroid 31.03 kg. Its integrator is Euler's; its speed of advance is that over ground,
-here that through the water. The Munk moments are left out there and here. Cross-flow drag is summed as there, over 21 sections of
-1/20 of the length each. The variant in the Marine Systems Simulator differs: 31.9 kg from a larger spheroid, induced drag by a factor
-of 0.3 in place of 0.7, drag of a cylinder in place of Hoerner's, cross-flow in heave and pitch too, with a sign of pitch at odds with
-the rigid body, linear damping in sway that does not fade, gravity of Trondheim, and fins to 20 degrees."""
+NOTES = """REMUS 100 of T. I. Fossen's Python Vehicle Simulator (MIT licence). Forces are lift, drag and cross-flow drag of its shapes.
+
+- The simulator's text gives 31.9 kg, its spheroid 31.03 kg.
+- The simulator integrates by Euler's method. Its propeller uses the speed over ground, the one here the speed through the water.
+- Both leave out the Munk moments. Both sum cross-flow drag over 21 sections, each 1/20 of the length.
+- The variant in the Marine Systems Simulator has 31.9 kg from a larger spheroid. Its factor of induced drag is 0.3, not 0.7, and
+  its drag is that of a cylinder, not Hoerner's. It also has cross-flow in heave and pitch, with a sign of pitch that contradicts
+  the rigid body. Its linear damping in sway does not fade. It has the gravity of Trondheim, and fins up to 20 degrees."""
 DENSITY, LENGTH, DIAMETER = 1026.0, 1.6, 0.19
 # The simulator's lags and limits: 1525 rpm and 15 degrees.
 ACTUATORS = {

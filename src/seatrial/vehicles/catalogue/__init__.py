@@ -339,7 +339,7 @@ def _load(name: str, names: tuple[str, ...]) -> PublishedVehicle:
 def _vehicle(table: dict[str, Any], text: str, where: str) -> PublishedVehicle:
     fixed, coefficients = _values(table, "fixed", where), _values(table, "coefficients", where)
     hull = _hull(table, fixed, where)
-    notes = "\n".join(line.removeprefix("#").strip() for line in text.split("\nname =")[0].splitlines())
+    notes = "\n".join(line.removeprefix("#").removeprefix(" ") for line in text.split("\nname =")[0].splitlines())
     return PublishedVehicle(
         hull,
         coefficients,
