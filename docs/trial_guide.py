@@ -50,9 +50,9 @@ def main() -> None:
 
 
 def shapes(found: xr.Dataset) -> list[str]:
-    """The best of each shape: settings, worth, and what is left of the prior's standard deviation."""
+    """The best of each shape: settings, information, and what is left of the prior's standard deviation."""
     names = [str(name) for name in found["coefficient"].values]
-    lines = [f"| shape | change from trim | period | worth, nat | {' | '.join(f'`{name}`' for name in names)} |"]
+    lines = [f"| shape | change from trim | period | information, nat | {' | '.join(f'`{name}`' for name in names)} |"]
     lines.append("|---" * (4 + len(names)) + "|")
     ranked = sorted(found["family"].values, key=lambda kind: -float(found["worth"].sel(family=kind).max()))
     for kind in ranked:
@@ -74,7 +74,7 @@ def amplitudes(found: xr.Dataset) -> list[str]:
     """The best repeated doublet of each amplitude."""
     one = found.sel(family="repeated-doublet")
     lines = [
-        "| change from trim | period | worth, nat | sd of `X_u`, kg/s | sd of `X_uabsu`, kg/m |",
+        "| change from trim | period | information, nat | sd of `X_u`, kg/s | sd of `X_uabsu`, kg/m |",
         "|---|---|---|---|---|",
     ]
     for amplitude in one["amplitude"].values:

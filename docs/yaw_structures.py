@@ -56,7 +56,7 @@ at most one of N_delta_r N_udelta_r N_uudelta_r
 NOMOTO = {
     "linear Nomoto": ("N_r", "N_delta_r"),
     "cubic Nomoto": ("N_0", "N_r", "N_r3", "N_delta_r"),
-    "cubic Nomoto, speed in it": ("N_0", "N_ur", "N_r3", "N_uudelta_r"),
+    "cubic Nomoto, with speed": ("N_0", "N_ur", "N_r3", "N_uudelta_r"),
 }
 SPEED, LENGTH = 1.18, 7.0
 """Approach speed, m/s, and length between perpendiculars, m: sizes for priors."""
