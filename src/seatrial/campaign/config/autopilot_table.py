@@ -23,7 +23,7 @@ RateOfMoved = Annotated[
     Unit("({moved})/s", "that of the driven control, per second", above=0.0, remedy="leave it out if there is none"),
 ]
 
-Gain = Annotated[float, Unit("({moved})/({channel})", "that of the driven control, over that of the channel")]
+Gain = Annotated[float, Unit("({moved})/({channel})", "that of the driven control, divided by that of the channel")]
 IntegralGain = Annotated[float, Unit("({moved})/({channel} s)", "the same, per second")]
 DerivativeGain = Annotated[float, Unit("({moved}) s/({channel})", "the same, times seconds")]
 Drives = Annotated[dict[str, float], first_noted("moved")]
@@ -32,9 +32,10 @@ Drives = Annotated[dict[str, float], first_noted("moved")]
 class LoopTable(Table):
     """`[autopilot.CHANNEL]`: a loop of the vehicle's autopilot, which holds a measured channel such as `psi`, `z`, `u` or `theta`.
 
-    With e the set-point minus the measured channel, its output is kp e + ki times the integral of e - kd times the channel's rate of
-    change. It `drives` controls, each by its share, or the set-point of an inner loop (`theta_set`): depth through pitch.
-    `[design]` then drives a set-point such as `psi_set`, or adds to a control.
+    The error e is the set-point minus the measured channel. The output is kp e + ki times the integral of e - kd times
+    the channel's rate of change. It `drives` controls, each by its share. It may also drive the set-point of an inner
+    loop, such as `theta_set` for depth through pitch. `[design]` then drives a set-point such as `psi_set`, or adds to
+    a control.
     """
 
     drives: Drives = Field(

@@ -43,8 +43,9 @@ OfBeside = Annotated[
 
 
 class LimitsTable(Table):
-    """`[limits.NAME]`: bounds of any control and of its rate of change, of a state of the motion such as `u`, or of the way: the `distance`
-    travelled, the `advance` along the keel, and `x` and `y`, metres ahead and to starboard of the start and its heading."""
+    """`[limits.NAME]`: bounds of a control and of its rate of change, of a state of the motion such as `u`, or of the
+    path. For the path there are the `distance` travelled, the `advance` along the keel, and `x` and `y`. These are
+    metres ahead and to starboard of the start, by the heading there."""
 
     lower: OfLimited | None = Field(default=None, description="lower bound")
     upper: OfLimited | None = Field(default=None, description="upper bound")
@@ -95,8 +96,9 @@ class RelayTable(Table):
 
 
 class PredictionTable(Table):
-    """`[design.prediction]`: the prediction for which the coefficients are wanted: a state, the `distance` travelled or the `advance`, some
-    time after the designed control is set to a value at trim. With the propeller stopped, `of = "distance"` is the stopping distance."""
+    """`[design.prediction]`: the prediction that the trial must make more certain. It is a state, the `distance`
+    travelled or the `advance`, some time after the designed control is set to a value at trim. With the propeller
+    stopped, `of = "distance"` is the stopping distance."""
 
     of: str = Field(description="predicted quantity: a state, `distance` or `advance`")
     control: OfControl = Field(description="value to which the control is set")

@@ -50,13 +50,14 @@ class ColumnTable(Table):
     `curve` is a CSV with a header and two columns: a logged number, and its meaning in `unit`, interpolated between rows.
     Use it for the maker's table of thrust over PWM width.
 
-    In a `sum`, names with other signs than letters, digits and . _ / [ ] are written in single quotes, and the curve is applied to each
-    column. Forces of thrusters may be in the unit "command": `[vehicle.thrust_laws]` converts the column, or the sum, to thrust. `offset`
-    is then in units of the command and is added before the law, and `scale` multiplies the thrust.
+    In a `sum`, put names with characters other than letters, digits and . _ / [ ] in single quotes. The curve is
+    applied to each column. Forces of thrusters may be in the unit "command": `[vehicle.thrust_laws]` converts the
+    column, or the sum, to thrust. `offset` is then in units of the command and is added before the law, and `scale`
+    multiplies the thrust.
 
-    `between = "line"` is for a measured control, such as the speed of a propeller: over each step it is the mean of the straight line
-    between its samples. By default a control is constant from sample to sample, and a caution names one that changes at nearly every
-    sample. With `between = "held"` there is no caution.
+    `between = "line"` is for a measured control, such as the speed of a propeller. Over each step it is the mean of the
+    straight line between its samples. By default a control is constant from sample to sample, and a caution names one
+    that changes at nearly every sample. With `between = "held"` there is no caution.
     """
 
     column: str | None = Field(default=None, description="name of the column of the channel")
@@ -172,8 +173,8 @@ class ImportTable(Table):
 
     Every run is cut to `start` and `end`, counted from the first time that all its files have. `split` divides it into
     pieces, each a trial with a separate start: for long records, and for vehicles that leave their course slowly. `schedule` is the
-    commanded table; `{run}` stands for the run's label. A run without `start` and `end` is cut to it, and `import` prints how
-    well it was followed.
+    commanded table; `{run}` stands for the run's label. A run without `start` and `end` is cut to this table, and
+    `import` prints how well the vehicle followed it.
     """
 
     fit: Several[str] = Field(min_length=1, description="labels of the runs that are fitted jointly")

@@ -49,23 +49,24 @@ class CampaignTable(Table):
 
 
 class StructureTable(Table):
-    """`[structure]`: terms that are always there, terms that the data may keep or drop, and which of them may stand together.
+    """`[structure]`: terms of every model, terms that the data may keep or drop, and rules for their combination.
 
     Rules are lines such as "X_uabsu requires X_u", "together X_u X_uabsu", "at most one of X_u3 X_du3", "never X_0", "heredity".
-    If they leave more than 64 structures, a screening in closed form chooses at most `shortlist` of them to be simulated. It uses the
-    stated priors, or Zellner's g-prior about zero, whose variance is g times that of least squares; with "rows" it is worth one row.
+    If they leave more than 64 structures, a screening in closed form chooses at most `shortlist` of them to be
+    simulated. It uses the stated priors or Zellner's g-prior. The g-prior has its mean at zero and g times the variance
+    of least squares. With "rows" it has the information of one row.
     """
 
     always: Several[str] = Field(default=(), description="terms that every structure has, by name")
     optional: Several[str] = Field(
         default=(), description="terms that the data may keep or drop; all subsets are compared"
     )
-    rules: Several[str] = Field(default=(), description="which terms may stand together, one rule in each line")
+    rules: Several[str] = Field(default=(), description="rules for combinations of terms, one in each line")
     shortlist: int = Field(
         default=6,
         ge=2,
         le=64,
-        description="how many structures are simulated, if there are more than 64 and a screening has to choose",
+        description="number of structures that are simulated, if there are more than 64 and a screening has to choose",
     )
     g: Annotated[float, Field(gt=0.0)] | Literal["rows"] | None = Field(
         default=None, description="g of Zellner's g-prior, which then replaces the stated priors in the screening"
@@ -106,8 +107,8 @@ class PriorTable(Table):
     | half-normal | `scale`, and the bound it falls off from, `lower` or `upper`; 68 % lie within `scale` of it |
     | log-normal | `median`, whose sign all values have, and `factor`; 68 % lie within that factor of the median |
 
-    `dissipative = true` cuts the prior to the side that physics allows: damping dissipates (`X_u` and `X_uabsu` below 0) and mass
-    plus added mass is positive (`X_udot` below the mass).
+    `dissipative = true` cuts the prior to the side that physics allows. Damping dissipates (`X_u` and `X_uabsu` below
+    0), and mass plus added mass is positive (`X_udot` below the mass).
     """
 
     model_config = ConfigDict(allow_inf_nan=True)  # `read_prior` says what to write instead
@@ -143,7 +144,7 @@ class GoalTable(Table):
         description="standard deviation wanted of each coefficient",
         json_schema_extra={"unit": "that of the coefficient, or percentage"},
     )
-    decided: bool = Field(default=False, description="whether one structure must hold 95 % of the probability")
+    decided: bool = Field(default=False, description="whether one structure must have 95 % of the probability")
     trials: int = Field(default=5, ge=1, le=100, description="most trials to run")
 
 
@@ -181,7 +182,7 @@ class EstimationTable(Table):
     | the same, a disturbance | `[prior.disturbance_X]`, its standard deviation in the unit of X_0 |
     | | and `[prior.disturbance_time_X]`, its correlation time |
     | `current` | `[prior.current]` |
-    | `varying = ["X_u"]` | `[prior.spread_X_u]`, how much X_u differs between trials |
+    | `varying = ["X_u"]` | `[prior.spread_X_u]`, the standard deviation of X_u between trials |
     """
 
     likelihood: Literal["output-error", "filter-error"] = Field(
@@ -189,7 +190,7 @@ class EstimationTable(Table):
     )
     initial: Literal["trim", "measured", "estimated"] = Field(
         default="trim",
-        description="how each trial begins: at trim, at the first measurement, or at unknown values that are estimated",
+        description="initial state of each trial: trim, the first measurement, or unknown values that are estimated",
     )
     residuals: Residuals = Field(
         default="white", description="form of the noise: [which likelihood?](../how-to/likelihoods.md)"
@@ -203,15 +204,15 @@ class EstimationTable(Table):
         description='standard deviation of each stated inertia, added mass included, as a share; "exact" if it has none',
     )
     scale_error: StatedShare = Field(
-        default=0.01, description='the same of the scale of each sensor of a velocity, as a share; or "exact"'
+        default=0.01, description='standard deviation of the scale of each velocity sensor, as a share; or "exact"'
     )
     clock_error: StatedCount = Field(
         default=0.5,
-        description='the same of the time between commands and motion, in intervals of the samples; or "exact"',
+        description='standard deviation of the time between commands and motion, in intervals of the samples; or "exact"',
     )
     force_error: StatedShare = Field(
         default=0.07,
-        description='the same of the forces of motion, and of those of commands, about their formulas, as a share; or "exact"',
+        description='standard deviation of the forces of motion, and of those of commands, about their formulas, as a share; or "exact"',
     )
     sampler: SamplerName = Field(
         default=DEFAULT, description="sampler of the posterior: [samplers](../explanation/samplers.md)"

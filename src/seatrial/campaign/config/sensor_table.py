@@ -22,7 +22,7 @@ Radians = Annotated[float, Unit("rad", "deg")]
 
 
 class SensorTable(Table):
-    """`[sensors.CHANNEL]`: the noise of a sensor, how often it measures, and its unknown errors.
+    """`[sensors.CHANNEL]`: the noise of a sensor, its rate, and its unknown errors.
 
     An unknown `bias` (a constant error) or `lag` (a time constant) needs a prior, `[prior.bias_u]` or `[prior.lag_u]`.
 
@@ -33,12 +33,16 @@ class SensorTable(Table):
         float,
         Unit("{channel}", "that of the channel", above=0.0, remedy="estimate it from a quiet stretch of the record"),
     ] = Field(description="standard deviation of one sample")
-    rate: Hertz = Field(default=inf, description="how often it measures, if less often than the record has samples")
+    rate: Hertz = Field(
+        default=inf, description="rate of measurement, if it is lower than that of the samples of the record"
+    )
     residuals: Residuals | None = Field(
         default=None, description="residuals of this channel, instead of those of `[estimation]`"
     )
     bias: Scope = Field(default="none", description="an unknown constant error: one for all trials, or one for each")
-    lag: bool = Field(default=False, description="whether the sensor answers late; needs `[prior.lag_CHANNEL]`")
+    lag: bool = Field(
+        default=False, description="whether the sensor has an unknown time constant; needs `[prior.lag_CHANNEL]`"
+    )
     reference: Literal["ground", "water"] = Field(
         default="ground", description="whether a speed is measured over ground or through the water"
     )
@@ -77,7 +81,7 @@ class MountTable(Table):
     scale: float = Field(default=1.0, gt=0.0, description="shown value divided by true value")
     delay: Delay = Field(
         default=0.0,
-        description="time by which it shows the past, 1 s at most",
+        description="time by which the sensor is late, 1 s at most",
     )
 
 

@@ -81,9 +81,9 @@ class TetherTable(Table):
 class VehicleTable(Table):
     """`[vehicle]`: a vehicle of the catalogue by name, or one described here.
 
-    A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue in six degrees
-    of freedom, or one that says which of u v w p q r it `moves` in. Lengths count from the body's origin. With `moves = []` it is held, as
-    at a bollard, and gauges measure `force_X` to `moment_N`.
+    A surge vehicle needs a mass, a thrust deduction and its known coefficients. A whole vehicle is one of the catalogue
+    in six degrees of freedom, or has `moves`, a list of some of u v w p q r. Lengths count from the body's origin. With
+    `moves = []` the vehicle is clamped, as at a bollard, and gauges measure `force_X` to `moment_N`.
 
     The forces f_1, f_2, … drive the thrusters, or the speeds n_1, n_2, … if terms of T have n.
     """
@@ -122,15 +122,14 @@ class VehicleTable(Table):
     buoyancy: Newtons | None = Field(default=None, description="buoyancy; equal to the weight if not given")
     moves: Several[Literal["u", "v", "w", "p", "q", "r"]] | None = Field(
         default=None,
-        description='velocities that are simulated: `["u"]` makes a surge model, `["v", "r"]` a steering model, `[]` a '
-        "vehicle that is held",
+        description='velocities that are simulated: `["u"]` makes a surge model, `["v", "r"]` a steering model, `[]` a clamped vehicle',
     )
     measured_inputs: Several[str] = Field(
         default=(), description="velocities and angles that are taken from the record instead of simulated"
     )
     positions: Several[Literal["x", "y", "z"]] = Field(default=(), description="positions that are simulated too")
     attitude: Literal["quaternion", "euler"] = Field(
-        default="euler", description="how the attitude is simulated; quaternions also work at a pitch of 90 degrees"
+        default="euler", description="form of the attitude; quaternions also work at a pitch of 90 degrees"
     )
     current: bool = Field(
         default=False,
@@ -171,8 +170,8 @@ class VehicleTable(Table):
     fixed: dict[str, float] = Field(default={}, description="known coefficients, by name")
     trim: dict[Annotated[str, noted("signal")], OfSignal] = Field(
         default={},
-        description="steady values about which the vehicle is driven, by signal, such as `n` and `u`; thrusters, fins and "
-        "side forces are at 0 if not given",
+        description="steady values about which the vehicle moves, by signal, such as `n` and `u`. Thrusters, fins and side "
+        "forces are 0 if not given",
     )
 
     @model_validator(mode="after")
