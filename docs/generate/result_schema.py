@@ -8,11 +8,11 @@ from seatrial.cli.answer import SCHEMA
 from seatrial.cli.result_schema import RESULTS, schema
 
 WORDS = {"string": "text", "integer": "integer", "number": "number", "boolean": "true or false", "null": "null"}
-HEAD = f"""# What `--json` prints
+HEAD = f"""# Output of `--json`
 
 Every command that has a result takes `--json`: it prints one document on standard output and nothing else. Progress,
 cautions and alarms still go to standard error; `--quiet` leaves the progress out. Numbers are in SI and radians, and
-`null` stands where there is none.
+a missing number is `null`.
 
 | key | type | |
 |---|---|---|
@@ -20,13 +20,13 @@ cautions and alarms still go to standard error; `--quiet` leaves the progress ou
 | `seatrial` | text | version of the program |
 | `command` | text | that was run |
 | `exit` | integer | its exit code |
-| `error` | Problem or null | why there is no result |
-| `result` | see below, or null | what was found |
-| `files` | texts by name | what was written |
-| `cautions`, `alarms` | texts | what to know before using the result, and why not to use it |
+| `error` | Problem or null | reason if there is no result |
+| `result` | see below, or null | result of the command |
+| `files` | texts by name | files that were written |
+| `cautions`, `alarms` | texts | limits of the result, and reasons not to use it |
 | `findings` | list of FindingRow | cautions and alarms with their codes and values, and accepted findings |
 
-A wrong option ends with code 2 and prints no document, nor does a command that is interrupted. The command
+A wrong option ends with exit code 2 and prints no document. An interrupted command prints none either. The command
 `python -m seatrial.cli.result_schema` prints the JSON Schema of the documents.
 """
 

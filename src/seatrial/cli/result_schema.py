@@ -36,7 +36,7 @@ Number = float | None
 
 
 class Problem(TypedDict):
-    """Why a command ended without a result; what is found, expected and to be done is empty where it is not known."""
+    """Reason why a command ended without a result. Unknown parts are empty."""
 
     message: str
     where: str
@@ -46,7 +46,7 @@ class Problem(TypedDict):
 
 
 class FindingRow(TypedDict):
-    """One finding: its code, level (pass, note, caution or alarm), what it concerns, numbers in SI, one sentence, and what to do."""
+    """One finding: its code, level (pass, note, caution or alarm), subject, numbers in SI, one sentence, and the remedies."""
 
     code: str
     level: str
@@ -84,7 +84,7 @@ class Named(TypedDict):
 
 
 class FirstValue(Named):
-    """One number of a first answer, SI, found as `by` says; `shares` as in `StoredCoefficient`, null where the ± is the noise alone."""
+    """One number of a first answer, SI, by the method `by`; `shares` as in `StoredCoefficient`, null if the ± is only the noise."""
 
     by: str
     value: Number
@@ -94,7 +94,7 @@ class FirstValue(Named):
 
 
 class EstimatedStructure(TypedDict):
-    """One structure by chains; `contains` says what the ± is made of and how to reduce what adds most."""
+    """One structure by chains; `contains` gives the parts of the ± and how to reduce the largest."""
 
     estimate: Estimate
     contains: list[str]
@@ -175,7 +175,7 @@ class _Designs(TypedDict):
 
 
 class Designs(_Designs, total=False):
-    """`design`: the best of each family, the best of all first; then what its options asked for."""
+    """`design`: the best of each family, the best of all first; then the results of its options."""
 
     free_form: FreeTrial
     self_oscillation: RelayTrial
@@ -243,7 +243,7 @@ class Records(TypedDict):
 
 
 class Checked(TypedDict):
-    """One record, what was found about it, and the holes in it and its controls that never move."""
+    """One record with its findings, its gaps, and its controls that never move."""
 
     label: str
     level: str
@@ -252,13 +252,13 @@ class Checked(TypedDict):
 
 
 class Check(TypedDict):
-    """`check`; no record where there is none yet."""
+    """`check`; no record if there is none yet."""
 
     records: list[Checked]
 
 
 class Tuned(TypedDict):
-    """One record: normalised innovation squared with its band, and what to change."""
+    """One record: normalised innovation squared with its band, and the changes that are recommended."""
 
     record: str
     nis: Number
@@ -308,7 +308,7 @@ class VehiclePage(TypedDict):
 
 
 class VehicleName(TypedDict):
-    """A name in the catalogue, and what it is."""
+    """A name in the catalogue, with its title."""
 
     name: str
     title: str
@@ -322,7 +322,7 @@ class Vehicle(TypedDict, total=False):
 
 
 class Init(TypedDict):
-    """`init`: the template, null where options or answers said what is known."""
+    """`init`: the template; null if options or answers replaced it."""
 
     template: str | None
 

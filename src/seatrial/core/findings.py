@@ -20,7 +20,7 @@ class Finding:
         code: entry of the catalogue, in readable words such as `residuals-correlated`; codes are stable.
         level: how grave it is.
         subject: signals, coefficients or parameters that it concerns.
-        values: numbers in SI and names that the sentence needs; `run` and `structure` say where it was found.
+        values: numbers in SI and names that the sentence needs; `run` and `structure` are those of the finding.
         remedies: names of remedies of the catalogue, the best first.
     """
 

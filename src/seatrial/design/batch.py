@@ -31,7 +31,7 @@ class Batch:
     """Trials planned together.
 
     Attributes:
-        designs: index of each, in the order of what each adds.
+        designs: index of each, by added information.
         utility: of the first, of the first two, and so on, averaged over the draws.
         repeated: utility of the single best design as often.
     """
@@ -89,11 +89,11 @@ class PlannedBatch:
     """Trials of one problem planned together.
 
     Attributes:
-        words: each trial, in the order of what it adds.
-        found: what they are worth.
+        words: each trial, by added information.
+        found: their information.
         manoeuvres: one for each.
         unit: of the utility.
-        schedules: file of each, where they are written.
+        schedules: file of each, if they are written.
     """
 
     words: tuple[str, ...]

@@ -42,7 +42,7 @@ class Step:
         control: that it drives.
         without: chance of meeting the goals if this trial alone is dropped.
         manoeuvre: that the vehicle runs.
-        schedule: file of it, where it is written.
+        schedule: file of it, if it is written.
     """
 
     stage: int
@@ -58,7 +58,7 @@ class Plan:
     """A campaign planned.
 
     Attributes:
-        basis: what it is planned from.
+        basis: state of knowledge from which it is planned.
         stages: which coefficients are sought together, in order.
         steps: trials, in the order in which they are run.
         chance: that all goals are met after them.
@@ -66,9 +66,9 @@ class Plan:
         goals: chance of each goal, by coefficient, the least first.
         without_goal: chance that all others are met, by coefficient.
         seconds: that it takes.
-        joules: that it takes; None where nobody asks.
-        ended_by: what keeps it from going on; empty where nothing does.
-        further: trials, time and energy that would do; None where the plan does, or nothing in reason would.
+        joules: energy that it takes; None if no power is stated.
+        ended_by: the limit that ends it; empty if none does.
+        further: trials, time and energy that would meet the goals; None if the plan does, or if no reasonable amount would.
         asked: chance from which on no trial is added.
     """
 

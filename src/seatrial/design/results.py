@@ -79,7 +79,7 @@ class SweptDesigns:
 
 @dataclass(frozen=True)
 class BestDesign:
-    """The best design of a family, SI, and what it promises.
+    """The best design of a family, SI, and its expected results.
 
     Attributes:
         family: kind of the manoeuvre.
@@ -89,7 +89,7 @@ class BestDesign:
         amplitude: of the control about its trim.
         period: of the shape, s.
         gain_nat: entropy reduction of the coefficients.
-        worth: what makes it the best.
+        worth: its value by the criterion of the best design.
         sd_before: standard deviation of each coefficient before the trial.
         sd_after: expected after it.
     """
@@ -137,7 +137,7 @@ class Measures:
 
 @dataclass(frozen=True)
 class FreeTrial:
-    """The trial found, and what it is worth beside the best of the families.
+    """The trial found, and its information next to that of the best family.
 
     Attributes:
         levels: of the control, SI, each held as long as the others.
@@ -235,14 +235,14 @@ def _both(shown: tuple[float, str], name: str, own: float, best: float) -> str:
 
 @dataclass(frozen=True)
 class RelayTrial:
-    """The test found, and what it is worth beside the best of the open-loop families.
+    """The test found, and its information next to that of the best open-loop family.
 
     Attributes:
         control: channel that is switched.
         output: channel that is fed back.
         amplitude: of the control about its trim, SI.
         threshold: of the output about its trim, SI.
-        effect: +1 where more control raises the output, -1 where it lowers it.
+        effect: +1 if more control raises the output, -1 if it lowers the output.
         gain: entropy reduction by the filter at the prior means, nats.
         utility: expected entropy reduction by Fisher information over draws of the priors, nats.
         beside: the same of the best design of the families.

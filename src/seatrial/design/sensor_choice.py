@@ -39,7 +39,7 @@ class SensorChoice:
 
 @dataclass(frozen=True, eq=False)
 class SensorWorth:
-    """What a choice is worth; S draws, k coefficients.
+    """Information of a choice; S draws, k coefficients.
 
     Attributes:
         utility: mean over the draws.
@@ -97,14 +97,14 @@ def _slopes(plan: TrialPlan, control: Array, values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SensorComparison:
-    """What the best design would teach with other sensors.
+    """Information of the best design with other sensors.
 
     Attributes:
         names: coefficients.
         units: SI unit of each.
-        rows: each choice in words, and what it is worth; the first is as the campaign says.
+        rows: each choice in words, with its information; the first is that of the campaign.
         mean: of each before the trial, SI.
-        meets: whether each row meets the standard deviations of a goal; empty where nobody asks.
+        meets: whether each row meets the standard deviations of a goal; empty without a goal.
     """
 
     names: tuple[str, ...]

@@ -24,15 +24,15 @@ EXPECTED = "expected information gain"
 
 @dataclass(frozen=True)
 class Agreement:
-    """What one cheap utility is worth beside the expensive one.
+    """Agreement of a cheap utility with the expensive one.
 
     Attributes:
         name: of the cheap utility.
-        correlation: Spearman's, NaN where one of the two is the same for all designs.
+        correlation: Spearman's, NaN if one of the two is the same for all designs.
         interval: of the correlation at `LEVEL`.
         chosen: index of the design that the cheap utility chooses.
         best: index of the design that the expensive one chooses.
-        regret: what the choice loses, in units of the expensive utility, 0 or more.
+        regret: loss by the choice, in units of the expensive utility, 0 or more.
         regret_error: Monte Carlo standard error of the regret.
         words: all of it in a sentence.
     """

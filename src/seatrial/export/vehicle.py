@@ -47,14 +47,14 @@ class AveragedCoefficient:
 
 @dataclass(frozen=True, eq=False)
 class CoefficientEstimates:
-    """What the data say of the coefficients, SI.
+    """The coefficients by the data, SI.
 
     Attributes:
         names: of the coefficients of one structure, in the order of the arrays.
         mean: of the posterior.
         sd: its standard deviation, with all errors.
         covariance: of these standard deviations, with the correlations of the posterior.
-        averaged: over all structures; none where there was one alone.
+        averaged: over all structures; none if there was only one.
         quoted: whose values to quote, `chosen` or `averaged`; empty if nothing says so.
     """
 

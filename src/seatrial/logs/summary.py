@@ -25,7 +25,7 @@ _LONGEST_STEP = 1e18  # A step, in seconds, beyond which the sums would overflow
 
 @dataclass(frozen=True)
 class ColumnSummary:
-    """One column as it stands in the log, in its own unit; NaN where it holds no number.
+    """One column as in the log, in the unit of the log; NaN if it has no number.
 
     Attributes:
         name: of the column.

@@ -161,9 +161,9 @@ class NestedPair:
         term: the term.
         larger: label of the structure that has it.
         smaller: label of the one that has not.
-        value: log Z(larger) - log Z(smaller), nats; NaN where there is none.
+        value: log Z(larger) - log Z(smaller), nats; NaN if there is none.
         error: its standard error.
-        evidence: the same from evidences, with its error; None where these have not been computed.
+        evidence: the same from evidences, with its error; None if these have not been computed.
         status: empty if healthy.
     """
 
@@ -178,7 +178,7 @@ class NestedPair:
     @computed_field
     @property
     def agrees(self) -> bool:
-        """Whether both ways give the same number, as far as their errors tell; true where one is missing."""
+        """Whether both ways give the same number within their errors; true if one is missing."""
         if self.evidence is None or self.status or not np.isfinite(self.value):
             return True
         return abs(self.value - self.evidence[0]) <= max(3 * float(np.hypot(self.error, self.evidence[1])), 0.2)

@@ -150,7 +150,7 @@ class Member:
         model: label of the structure.
         error_model: name of the model of the error.
         crps: of a free simulation of each run, over that of the campaign's own setting, mean over channels and runs; lower is better.
-        weight: in the mixture that predicts what was left out best.
+        weight: in the mixture that predicts the runs left out best.
         delta: difference to the best in the sum of log densities, nats; 0 or less.
         std_error: of the difference, over runs.
         probability: by evidence, among the structures under the same model of the error.
@@ -174,7 +174,7 @@ class Stack:
         chosen: place among them of the one for forecasts from now: with fewest terms within one standard error of the best (`simplest`).
         whole_run: place of the one for predictions of a whole run: the same, unless another one has a clearly smaller CRPS.
         gain: of the mixture over the best alone, nats.
-        contradicts: whether what was left out contradicts the evidence (`CrossValidation.contradictions`).
+        contradicts: whether the runs left out contradict the evidence (`CrossValidation.contradictions`).
     """
 
     members: tuple[Member, ...]
@@ -189,9 +189,9 @@ class CrossValidation:
     """All candidates, each run left out in turn, or each block of time.
 
     Attributes:
-        runs: labels of what was left out.
+        runs: labels of the runs or blocks that were left out.
         candidates: structures under the campaign's own model of the error first.
-        cautions: what was left out, where those are not whole runs that know nothing of each other.
+        cautions: remarks if the parts left out are not independent whole runs.
     """
 
     runs: tuple[str, ...]
@@ -216,7 +216,7 @@ class CrossValidation:
     @computed_field
     @cached_property
     def stack(self) -> Stack | None:
-        """Weights, and which is chosen; None where no candidate has a result."""
+        """Weights, and the chosen candidate; None if no candidate has a result."""
         ordered = self.ordered
         if not ordered:
             return None

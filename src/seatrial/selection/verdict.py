@@ -37,7 +37,7 @@ class Evidence:
         method: how it was computed.
         diagnostics: numbers that say whether to trust it.
         status: empty if healthy, else what is wrong in words.
-        with_errors: the log marginal likelihood with every error of sensors, stated inputs and model, nats; None where it is not known.
+        with_errors: the log marginal likelihood with every error of sensors, stated inputs and model, nats; None if it is not known.
     """
 
     log_value: float
@@ -88,8 +88,8 @@ class Evidence:
 class StructureRow:
     """One candidate with its evidence within the model, nats, and its probability; each with its Monte Carlo standard error.
 
-    The probability is made of the evidence with every error, where that is known. The resolution is the smallest difference, nats, that the
-    check of the evidence would have noticed, none without a check; needed is the smallest that would change a decision, none if no
+    The probability follows from the evidence with every error, if that is known. The resolution is the smallest difference, nats, that the
+    check of the evidence would have noticed; none without a check. Needed is the smallest that would change a decision; none if no
     difference would.
     """
 
@@ -118,9 +118,9 @@ class StoredAverage:
         sd: likewise.
         lower_95: begin of its shortest 95 % interval.
         upper_95: its end.
-        cause: what adds most to the standard deviation, if that is not the noise.
+        cause: the largest part of the standard deviation, if that is not the noise.
         inclusion: probability of the structures that have it.
-        shares: what the variance is made of.
+        shares: parts of the variance.
     """
 
     name: str

@@ -279,13 +279,13 @@ SHOWN_INSTANTS, SINGLE_MOTIONS = 600, 6  # Instants kept of each motion, at most
 
 @dataclass(frozen=True)
 class Reach:
-    """What one parameter does to a channel where it alone varies and the other parameters are at their medians.
+    """Effect of one parameter on a channel if only this one varies and the others are at their medians.
 
     Attributes:
         channel: which.
         low: the lesser of the values at the parameter's 5 and 95 %, SI: the steady speed of a surge vehicle, the largest value in the
             trial of any other.
-        high: the greater; of a surge vehicle the 5 and 95 % of the steady speed, NaN where most draws have none.
+        high: the greater; of a surge vehicle the 5 and 95 % of the steady speed, NaN if most draws have none.
     """
 
     channel: str
@@ -295,13 +295,14 @@ class Reach:
 
 @dataclass(frozen=True)
 class Believed:
-    """One parameter's prior, and what it does alone.
+    """One parameter's prior, and its effect if only this parameter varies.
 
     Attributes:
         name: of the parameter.
         unit: SI.
         quantiles: 5, 50 and 95 % of its prior, SI.
-        alone: what it moves; of a vehicle of several axes what it moves most. None for what moves no vehicle, such as noise.
+        alone: the motion that it changes, of a vehicle of several axes the one that changes most. None for parameters without motion, such
+            as noise.
         blame: how much larger it is among draws that run away than among the others, in standard deviations; 0 if none do.
     """
 

@@ -61,7 +61,7 @@ class Drawn(Protocol):
 class StoredCoefficient:
     """One parameter of the chosen structure, SI: its value with its ±, its prior, and the health of its draws.
 
-    `sd` and the interval hold more than the noise: `shares` says of what the variance is made, and `cause` names what adds most to it.
+    `sd` and the interval contain more than the noise: `shares` gives the parts of the variance, and `cause` names the largest.
     """
 
     name: str
@@ -106,12 +106,12 @@ class Estimate:
     Attributes:
         structure: which terms.
         data: the stored dataset.
-        alarms: what makes the draws unfit for use.
-        cautions: what a reader must know.
+        alarms: reasons why the draws cannot be used.
+        cautions: limits of the result.
         at_bounds: which parameters have their mode at a bound of their prior.
         left_out: effects that the structure lacks and its coefficients hide, the most harmful first.
-        contains: what the standard deviations contain, in words.
-        causes: what adds most to each of those that are not mostly noise, in words, by parameter.
+        contains: contents of the standard deviations, in words.
+        causes: the largest part of each that is not mostly noise, in words, by parameter.
         cause_findings: which of them have which cause, and how to reduce it.
         tried_effects: effects that the structure may lack and that were looked for, in words.
     """

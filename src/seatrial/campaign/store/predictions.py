@@ -17,14 +17,14 @@ from seatrial.messages.render import remedy, statement
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Score):
-    """How one channel of one record is predicted in free simulation, from its inputs alone, and what that means.
+    """Prediction of one channel of one record in free simulation, from its inputs only, and the verdict.
 
     Attributes:
         record: label.
         held_back: whether the record was not used in the fit.
         channel: measured channel.
-        verdict: what the scores mean.
-        outside: where a held-back record leaves the range of states and inputs that was fitted, in words.
+        verdict: verdict on the scores.
+        outside: parts of a held-back record that leave the fitted range of states and inputs, in words.
         ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
     """
 
@@ -60,7 +60,7 @@ class Fit(Score):
     @computed_field
     @property
     def advice(self) -> str:
-        """What to do; empty for a pass."""
+        """Recommendation; empty for a pass."""
         return remedy(self.verdict)
 
     @property
@@ -77,7 +77,7 @@ class Fit(Score):
     @computed_field
     @property
     def reason(self) -> str:
-        """The same, and what to do."""
+        """The same, with the recommendation."""
         return "; ".join(filter(None, (self.finding, self.advice)))
 
 

@@ -17,12 +17,12 @@ from seatrial.selection.verdict import StoredAverage, StructureRow
 
 @dataclass(frozen=True)
 class NextTrial:
-    """What to run next.
+    """The next trial.
 
     Attributes:
-        words: what to run and why, or why not.
+        words: the trial and its reason, or the reason for none.
         stop: whether no trial is proposed.
-        best: the design that gives most information; None where the campaign designs no trial.
+        best: the design that gives most information; None if the campaign designs no trial.
     """
 
     words: str
@@ -43,16 +43,16 @@ class Summary:
         inclusion: probability of each optional term.
         inclusion_error: its Monte Carlo standard error.
         verdicts: which terms the data support, in words.
-        cautions: what to know before using the numbers.
+        cautions: limits of the numbers.
         findings: those of them that have codes, and accepted ones.
         alarms: health checks that failed.
         choice_alarms: those of them that are about the probabilities of models and terms.
         usable: whether none of these is about the chosen structure's numbers.
-        known: what the data tell about each parameter.
+        known: state of knowledge of each parameter.
         fits: how each channel of each record is predicted.
         pooled: how each channel of all held-back records together is predicted.
         baselines: how the model stands beside simple predictors on the held-back records, channel by channel.
-        next_trial: what to run next.
+        next_trial: the next trial.
         averaged: each parameter averaged over the structures.
         quoted: whose values to quote, by `QUOTED`.
         quote: the one value to quote of each parameter.

@@ -25,7 +25,7 @@ class ErrorShares:
 
 @dataclass(frozen=True)
 class KnownParameter:
-    """One parameter: its value, what is known of it, and what it is confused with.
+    """One parameter: its value, how well it is known, and its strongest correlation.
 
     Attributes:
         name: parameter.
@@ -70,14 +70,14 @@ class Direction:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known, before or after the data.
+    """State of knowledge, before or after the data.
 
     Attributes:
         stage: `before` or `after`.
         structure: label of the structure.
         parameters: one by one.
-        directions: together, what is known best first; empty where the model has no derivatives.
-        verdict: sentences that name what is known although its parts are not, and what would separate them.
+        directions: together, the best known first; empty if the model has no derivatives.
+        verdict: sentences that name combinations that are known although their parts are not, and a trial that would separate them.
         symmetry: sentences on which sides of the vehicle the data find alike.
     """
 

@@ -27,9 +27,9 @@ class Profile:
         values: points, ascending, in its unit.
         drop: fall of the profile log-likelihood from its maximum at each of them, >= 0.
         others: parameter values, all of them, at each point, shape (n, d).
-        lower: lower end of the 95 % interval; -inf where the interval is open.
-        upper: upper end; inf where open.
-        bounds: where the prior ends, or six of its standard deviations from its mean.
+        lower: lower end of the 95 % interval; -inf if the interval is open.
+        upper: upper end; inf if it is open.
+        bounds: ends of the prior, or six of its standard deviations from its mean.
     """
 
     name: str

@@ -40,7 +40,7 @@ class PooledScore:
     """How one channel of all held-back runs together is predicted.
 
     Attributes:
-        words: what predicts, such as "a linear Nomoto model".
+        words: name of the model, such as "a linear Nomoto model".
         explained: share of the variance about each run's own mean.
         crps: mean continuous ranked probability score, SI.
         log_score: mean log density of the measurements, one at a time, nats, SI.
@@ -62,9 +62,9 @@ class Comparison:
         channel: measured channel.
         ours: scores of the model.
         baselines: scores of the baselines, the best first.
-        p_value: probability that chance alone makes the better of the model and the best baseline so much better; where that is the
-            baseline, times the number of baselines, of which it is the best (Bonferroni).
-        level: pass where the model is best, caution where it is not, fail where a baseline is clearly better, by more than chance.
+        p_value: probability that the better of the model and the best baseline leads by so much by chance. If the baseline is better, it is
+            multiplied by the number of baselines (Bonferroni).
+        level: pass if the model is best, caution if it is not, fail if a baseline is clearly better, by more than chance.
         by_run: mean CRPS of the model and of the best baseline in each run that measures the channel.
         is_simpler: whether the best baseline has other equations than the model.
     """

@@ -50,7 +50,7 @@ class Pooled(Score):
         runs: that have measurements of it.
         least: share inside the 90 % band in the run with the fewest.
         most: share in the run with the most.
-        verdict: what the numbers mean.
+        verdict: verdict on the numbers.
     """
 
     channel: str

@@ -112,13 +112,13 @@ class Score:
         lower: lower end of the 95 % range of that share.
         upper: upper end.
         p_value: probability that bands as stated hold so few, or leave errors so large.
-        variance: mean square of the normalised residuals, 1 where errors are as large as stated.
+        variance: mean square of the normalised residuals, 1 if errors are as large as stated.
         widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
         widen_lower: lower end of its 95 % range.
         widen_upper: upper end.
         pit: histogram of the probability integral transform, shares that would all be 1 / 10.
-        white: probability that white noise shows residuals as correlated as what should be white.
-        sd_factor: factor by which standard deviations of what changes slowly are too small if these residuals are taken as white.
+        white: probability that white noise shows residuals as correlated as those that should be white.
+        sd_factor: factor by which standard deviations of slow quantities are too small if these residuals are taken as white.
         noise_share: share of the measured variance that is noise of the size the fit found; 1 without a variance.
         noise_sd: standard deviation of that noise, in the channel's SI unit.
         coefficient_share: share of the predicted variance that comes from the coefficients being uncertain.
