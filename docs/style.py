@@ -24,13 +24,13 @@ RULES = {
 }
 """Words that the rules of CONTRIBUTING.md replace, as patterns."""
 BOUNDS = {
-    "long": 120,
-    "where": 70,
-    "told": 10,
-    "what": 106,
-    "own": 4,
-    "in place of": 5,
-    "times smaller": 3,
+    "long": 40,
+    "where": 20,
+    "told": 0,
+    "what": 30,
+    "own": 0,
+    "in place of": 0,
+    "times smaller": 2,
 }
 """Most faults of each rule; `long` counts sentences of more than `MOST_WORDS` words."""
 _LINK = re.compile(r"!?\[([^]]*)\]\([^)]*\)")

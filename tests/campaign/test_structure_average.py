@@ -1,4 +1,4 @@
-"""Structures that the data do not tell apart, as one mixture of draws, and where they predict a run differently."""
+"""Structures that the data do not separate, as one mixture of draws, and where they predict a run differently."""
 
 from types import SimpleNamespace
 
