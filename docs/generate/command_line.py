@@ -12,7 +12,7 @@ def page() -> str:
     parts = [
         "# The command line",
         "",
-        "`seatrial COMMAND --help` says the same. Results go to the campaign's folder, progress and cautions to standard error.",
+        "`seatrial COMMAND --help` prints the same. Results go to the campaign's folder, progress and cautions to standard error.",
         "",
         group.epilog or "",
         "",

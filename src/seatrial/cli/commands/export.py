@@ -49,7 +49,7 @@ def export(
 ) -> None:
     """Export the vehicle to a simulator, or the next trial.
 
-    Every file lists unsupported terms, and how much they change the motion.
+    Every file lists unsupported terms and their effect on the motion.
     """
 
     def work(reporter: Any) -> Exit:
