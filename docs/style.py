@@ -24,10 +24,10 @@ RULES = {
 }
 """Words that the rules of CONTRIBUTING.md replace, as patterns."""
 BOUNDS = {
-    "long": 40,
-    "where": 20,
+    "long": 38,
+    "where": 15,
     "told": 0,
-    "what": 30,
+    "what": 23,
     "own": 0,
     "in place of": 0,
     "times smaller": 2,
