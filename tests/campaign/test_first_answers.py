@@ -11,7 +11,14 @@ import pytest
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.data.import_logs import get_trials
-from seatrial.campaign.inference.quick_estimates import _smoothed, keep_mode, posterior_modes, regressions
+from seatrial.campaign.inference.quick_estimates import (
+    FirstAnswer,
+    _smoothed,
+    best_mode,
+    keep_mode,
+    posterior_modes,
+    regressions,
+)
 from seatrial.campaign.prior.cautions import file_cautions
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, read_result
@@ -21,10 +28,11 @@ from seatrial.campaign.workflow.steps import LOOP
 from seatrial.cli.answer import Answer
 from seatrial.cli.commands.loop import _chains_unasked, _report_of_mode
 from seatrial.core.dataset_file import open_dataset
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.findings import Finding
 from seatrial.core.reporter import SILENT
 from seatrial.report.numbers import Digits
+from seatrial.selection.structures import Structure
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
 
@@ -247,3 +255,16 @@ noise = "0.5 deg/s"
     held = held.replace('[prior.N_uudelta_r]\ndistribution = "uniform"\nlower = -15\nupper = 0\n', "")
     said = "N_rdot = -5.5 kg m^2 and N_uudelta_r = -6.5 kg/rad (all coefficients of N scale with them)"
     assert said in taken_as_exact(check_text(tmp_path, held))
+
+
+def test_the_most_probable_mode_counts_the_prior_of_its_structure():
+    """The first is 1 nat ahead in evidence and 2 nats behind in the prior; the third has no mode."""
+    one, two, lost = (Structure(f"M-{index}", ()) for index in range(3))
+    answers = [
+        FirstAnswer(one, log_evidence=1.0, log_prior=-3.0),
+        FirstAnswer(two, log_evidence=0.0, log_prior=-1.0),
+        FirstAnswer(lost, alarm="no mode"),
+    ]
+    assert best_mode(answers).structure is two
+    with pytest.raises(NumericalError, match="no mode"):
+        best_mode(answers[2:])

@@ -349,6 +349,14 @@ def test_other_models_stand_beside_the_chosen_one(outcome):
     assert value == digits.pair(*moments_of(outcome, other)["X_tau_X"])
 
 
+def test_the_page_names_the_prior_of_the_models(outcome):
+    other = replace(outcome, selection=replace(outcome.selection, structure_prior="multiplicity"))
+    for one, words in ((outcome, "every structure is equally"), (other, "every number of optional terms is equally")):
+        text = " ".join(render(one).split())
+        assert f"Before the data {words} probable." in text
+    assert "With as many terms, 1 nat behind is 2.7 times less probable" in text
+
+
 def test_a_value_names_what_its_standard_deviation_is_made_of(html):
     assert re.search(r'<small class="cause">model 90\s%, noise 10\s%: a force', html)
 
