@@ -68,6 +68,8 @@ HARD: dict[str, Callable[[], known.Problem]] = {
     "shells, 20": partial(known.shells, 20),
     "egg box, 2": known.egg_box,
 }
+GROUPS = {"easy": [*BENIGN], "shells": [target for target in HARD if target.startswith("shells")]}
+"""Targets over which runs are counted together."""
 METHODS = ("importance", "smc", "bridge", "nested", "prior")
 SLOW = ("normal, 10", "normal, 20", "phase transition, 10")
 CHEAP = {"importance": 100, "prior": 100, "savage-dickey": 100}
@@ -110,7 +112,7 @@ def main() -> None:
         study_numbers.commit()
         names = [(method, target) for target in (*BENIGN, *HARD) for method in methods_for(target)]
         done = run_side_by_side([partial(run_case, *name, asked.repeats) for name in names])
-        numbers = report.numbers_of(dict(zip(names, done, strict=True)), list(BENIGN))
+        numbers = report.numbers_of(dict(zip(names, done, strict=True)), GROUPS)
         if asked.repeats is None:
             study_numbers.keep("evidence", numbers)
     failed = report.failures(numbers, list(BENIGN))

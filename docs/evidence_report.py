@@ -16,7 +16,7 @@ BY_CHANCE = 1e-3
 """Probability of so few runs within two errors below which chance is not believed."""
 DRAWN = 40
 """Runs of a case that are drawn."""
-COUNTS = ("runs", "warned", "silent", "silent within")
+COUNTS = ("runs", "warned", "silent", "silent within", "within")
 DEFAULT = "agreement"
 """What `log_evidence` gives; only it must never be wrong without an alarm."""
 SHOWN = ("importance", "smc", "bridge", "nested", "prior", "savage-dickey", DEFAULT)
@@ -49,11 +49,16 @@ Found = Mapping[tuple[str, str], Case]
 """Cases by estimator and target."""
 
 
-def numbers_of(found: Found, benign: Sequence[str]) -> dict[str, Any]:
-    """Return the numbers of each case, and under "easy" those of the default on all benign targets."""
+def numbers_of(found: Found, groups: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Return the numbers of each case, and the counts of the default over groups of targets."""
     numbers = {", ".join(name): _case_numbers(case) for name, case in found.items()}
-    easy = [numbers[f"{DEFAULT}, {target}"] for target in benign if (DEFAULT, target) in found]
-    return {"easy": {key: sum(one[key] for one in easy) for key in COUNTS}, "cases": numbers}
+    return {name: counts(numbers, targets) for name, targets in groups.items()} | {"cases": numbers}
+
+
+def counts(cases: Mapping[str, Any], targets: Sequence[str]) -> dict[str, int]:
+    """Return the counts of the default over some targets."""
+    some = [cases[name] for target in targets if (name := f"{DEFAULT}, {target}") in cases]
+    return {key: sum(one[key] for one in some) for key in COUNTS}
 
 
 def _case_numbers(case: Case) -> dict[str, Any]:

@@ -69,7 +69,7 @@ def case(errors, stated=1.0, warned=False):
 def test_too_few_runs_within_two_errors(outside, low):
     """Of 40 runs 1.8 are expected outside; 8 or more are in one of 2000 trials."""
     found = {("smc", "normal, 2"): case([0.0] * (40 - outside) + [3.0] * outside)}
-    numbers = report.numbers_of(found, ["normal, 2"])
+    numbers = report.numbers_of(found, {"easy": ["normal, 2"]})
     assert bool(report.failures(numbers, ["normal, 2"])) == low
     assert not report.failures(numbers, [])
 
@@ -80,22 +80,22 @@ def test_wrong_in_silence():
     assert report.mutes(case([0.05], 0.01)) == 0
     assert report.mutes(case([2.0, -4.0])) == 1
     assert report.mutes(case([0.2, np.nan], np.nan)) == 2
-    assert report.failures(report.numbers_of({(report.DEFAULT, "two peaks, 2"): case([4.0])}, []), []) != []
+    assert report.failures(report.numbers_of({(report.DEFAULT, "two peaks, 2"): case([4.0])}, {}), []) != []
 
 
 def test_numbers_of_a_case():
     """Of four runs one warned and one stated no error; scores and places of those that warned are of runs that stated one."""
     runs = [report.Run(*run) for run in ((0.1, 1.0, False), (9.0, np.nan, False), (3.0, 1.0, True), (-3.0, 1.0, False))]
     found = {(report.DEFAULT, "normal, 2"): report.Case(runs, 7)}
-    numbers = report.numbers_of(found, ["normal, 2"])
+    numbers = report.numbers_of(found, {"easy": ["normal, 2"]})
     one = numbers["cases"]["agreement, normal, 2"]
     assert [one[key] for key in ("runs", "warned", "silent", "silent within", "within", "wrong")] == [4, 1, 2, 1, 1, 1]
     assert (one["scores"], one["grey"]) == ([0.1, 3.0, -3.0], [1])
-    assert numbers["easy"] == {"runs": 4, "warned": 1, "silent": 2, "silent within": 1}
+    assert numbers["easy"] == {"runs": 4, "warned": 1, "silent": 2, "silent within": 1, "within": 1}
 
 
 def test_tables_name_every_case():
     found = {("smc", "normal, 2"): case([0.0, 1.0]), ("smc", "two peaks, 2"): case([0.0, 9.0])}
-    text = report.tables(report.numbers_of(found, ["normal, 2"]), ["normal, 2"], ["two peaks, 2"])
+    text = report.tables(report.numbers_of(found, {"easy": ["normal, 2"]}), ["normal, 2"], ["two peaks, 2"])
     assert "| smc | normal, 2 | 2 | 0 | 1.000 ± 0.147 |" in text
     assert "| two peaks, 2 | smc | 2 | 50% | 0% | 1 |" in text
