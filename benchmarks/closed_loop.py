@@ -1,7 +1,7 @@
 """Closed-loop campaigns on vehicles drawn from the priors: coverage, what moving several set-points together saves, and time of safety.
 
-python benchmarks/closed_loop.py coverage remus --vehicles 40
-python benchmarks/closed_loop.py coverage rov --vehicles 40
+python benchmarks/closed_loop.py coverage remus --vehicles 200
+python benchmarks/closed_loop.py coverage rov --vehicles 200
 python benchmarks/closed_loop.py together rov
 python benchmarks/closed_loop.py together remus
 python benchmarks/closed_loop.py rehearsed rov --vehicles 200
@@ -34,6 +34,8 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.linearise import linearise
 
+FOLDER = Path(__file__).parents[1] / "outputs" / "closed_loop"
+"""Campaigns whose rehearsals are kept."""
 LEVEL, BAND = 0.90, 0.99
 """Of the intervals, and probability with which a right answer is inside its band."""
 DESIGN = """
@@ -113,6 +115,8 @@ upper = "13.6 deg"
 [estimation]
 initial = "measured"
 likelihood = "filter-error"
+inertia_error = "exact"
+scale_error = "exact"
 """
 ROV = """
 [campaign]
@@ -151,6 +155,9 @@ limit = "20 N"
 [limits.z]
 lower = "3 m"
 upper = "7 m"
+[estimation]
+inertia_error = "exact"
+scale_error = "exact"
 """
 VEHICLES = {
     "remus": (REMUS, {"duration": 50.0, "active": 42.0, "more": "", "wanted": 'Y_uv = "0.1 %"'}),
@@ -181,24 +188,30 @@ def campaign_of(folder, name, changes=(), control="psi_set", more=None, most='"4
 
 
 def coverage(name, vehicles):
-    """Count true coefficients inside intervals of each strategy after each trial."""
-    with tempfile.TemporaryDirectory() as folder:
-        campaign, start = campaign_of(folder, name), time.process_time()
-        data = rehearse(campaign, vehicles).data
+    """Return how many true coefficients lie inside intervals of each strategy after its trials; an interrupted count goes on."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    campaign = campaign_of(FOLDER, name)
+    data = rehearse(campaign, vehicles).data
     truth, estimate, sd = (data[one].values for one in ("truth", "estimate", "sd"))
-    strategies, names = list(data["strategy"].values), list(data["coefficient"].values)
-    if name == "remus":
-        print(f"unstable without the autopilot: {open_loop_unstable(campaign, truth):.0%} of the vehicles")
-    low, high = binom.ppf([(1 - BAND) / 2, (1 + BAND) / 2], vehicles, LEVEL)
-    print(f"{vehicles} vehicles; right intervals hold the truth in {low:.0f} to {high:.0f} of them ({BAND:.0%})")
-    half = norm.ppf((1 + LEVEL) / 2)
-    for at, strategy in enumerate(strategies):
-        inside = np.abs(estimate[:, at, -1] - truth) <= half * sd[:, at, -1]
+    names, half, found = list(data["coefficient"].values), norm.ppf((1 + LEVEL) / 2), {}
+    for at, strategy in enumerate(data["strategy"].values):
+        inside = (np.abs(estimate[:, at, -1] - truth) <= half * sd[:, at, -1]).sum(0)
         share = np.mean(sd[:, at, -1] / np.abs(truth), axis=0)
-        for i, coefficient in enumerate(names):
-            count = int(inside[:, i].sum())
+        found[str(strategy)] = {one: [int(inside[i]), round(float(share[i]), 5)] for i, one in enumerate(names)}
+    low, high = binom.ppf([(1 - BAND) / 2, (1 + BAND) / 2], vehicles, LEVEL)
+    unstable = round(float(open_loop_unstable(campaign, truth)), 3) if name == "remus" else 0.0
+    return {"vehicles": vehicles, "right": [int(low), int(high)], "unstable": unstable, "inside and sd": found}
+
+
+def print_coverage(name, vehicles):
+    start, found = time.process_time(), coverage(name, vehicles)
+    low, high = found["right"]
+    print(f"unstable without the autopilot: {found['unstable']:.0%} of the vehicles")
+    print(f"{vehicles} vehicles; right intervals hold the truth in {low} to {high} of them ({BAND:.0%})")
+    for strategy, coefficients in found["inside and sd"].items():
+        for coefficient, (count, share) in coefficients.items():
             verdict = "inside" if low <= count <= high else "OUTSIDE"
-            print(f"{strategy:9s} {coefficient:12s} {count:3d} of {vehicles} {verdict}; sd {share[i]:.1%}")
+            print(f"{strategy:9s} {coefficient:12s} {count:3d} of {vehicles} {verdict}; sd {share:.1%}")
     print(f"{time.process_time() - start:.0f} processor seconds")
 
 
@@ -398,7 +411,7 @@ def main():
     elif asked.what == "rehearsed":
         rehearsed(asked.vehicle, asked.vehicles)
     else:
-        coverage(asked.vehicle, asked.vehicles)
+        print_coverage(asked.vehicle, asked.vehicles)
 
 
 if __name__ == "__main__":
