@@ -36,7 +36,12 @@ def folder(tmp_path_factory):
 
 
 def places():
-    return ["", "new", *(f"{view}?campaign={name}" for name in ("boat", "new boat") for view in VIEWS)]
+    return [
+        "",
+        "new",
+        *(f"new?case={one}" for one in ("log", "plan", "bag")),
+        *(f"{view}?campaign={name}" for name in ("boat", "new boat") for view in VIEWS),
+    ]
 
 
 def test_pages_fit_their_width_and_ask_nobody_else(folder, page):

@@ -6,32 +6,62 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
+from seatrial.campaign.config.templates import template_text
 from seatrial.core.errors import InputError
 from seatrial.dashboard import model_queries as thinking
+from seatrial.dashboard.campaign_paths import CampaignPaths
 from seatrial.dashboard.logs import look_into
 from seatrial.dashboard.map_draft import MapDraft
 from tests.campaign.small import write_small
+from tests.campaign.test_vehicle_campaign import log_of
 
 
-def begun(folder, start, answers=()):
+def begun(folder, template, answers=()):
     """Return the text of a new campaign "my boat"."""
-    text, _ = thinking.beginning(str(folder), start)
-    return thinking.edited(str(folder), text, (*answers, ("campaign.name", "my boat")))[0]
+    return thinking.edited(str(folder), template_text(template), (*answers, ("campaign.name", "my boat")))[0]
 
 
 def test_a_form_that_makes_no_campaign_is_refused_and_nothing_is_written(tmp_path):
     with pytest.raises(InputError, match=r"key limits\.n"):
         begun(tmp_path, "design", (("limits.n.lower", "1700 rpm"),))
-    with pytest.raises(InputError, match="no such template"):
-        begun(tmp_path, "../design")
+    with pytest.raises(InputError, match="no such vehicle"):
+        thinking.beginning(str(tmp_path), "../design")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_form_asks_for_the_prior_of_each_term(tmp_path):
-    text, _ = thinking.beginning(str(tmp_path), "design")
+    text, _ = thinking.beginning(str(tmp_path), "")
+    assert text == template_text("design")
     keys = {one.key for one in thinking.asked(text, (("structure.optional", "X_uu"),))}
     assert {"prior.X_uu.lower", "prior.X_uabsu.lower", "vehicle.mass"} <= keys
     assert "prior.X_u.lower" not in keys
+
+
+def test_limits_of_the_command_are_asked_for_even_if_none_is_stated(tmp_path):
+    text, questions = thinking.beginning(str(tmp_path), "bluerov2_heavy")
+    assert "limits" not in tomllib.loads(text)
+    of = {one.key: one for one in questions}
+    assert of["limits.f_1.upper"].default == "none; such as 1 N"
+    answers = (("limits.f_1.lower", "-40 N"), ("limits.f_1.upper", "40 N"))
+    assert len(thinking.asked(text, answers)) == len(questions)
+    text, _ = thinking.edited(str(tmp_path), text, answers)
+    assert tomllib.loads(text)["limits"] == {"f_1": {"lower": "-40 N", "upper": "40 N"}}
+
+
+def test_a_log_is_looked_into_apart_and_kept_in_the_folder_of_its_campaign(tmp_path):
+    log, paths = log_of(tmp_path), CampaignPaths.of(tmp_path)
+    text, _ = thinking.beginning(str(tmp_path / "new"), "bluerov2_heavy", str(log), "logs/dive.csv")
+    assert not (tmp_path / "new").exists()
+    paths.begin(tmp_path / "rov", text, paths.log("dive.csv"))
+    assert (tmp_path / "rov" / "logs" / "dive.csv").read_bytes() == log.read_bytes()
+    assert load_campaign(tmp_path / "rov").imports.files[0].path == "logs/dive.csv"
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "dive.mcap").write_text("a bag")
+    paths.begin(tmp_path / "other", text, paths.log("bag"))
+    assert (tmp_path / "other" / "logs" / "bag" / "dive.mcap").read_text() == "a bag"
+    for written in ("no.csv", "../../etc/passwd"):
+        with pytest.raises(InputError, match="--allow-read"):
+            paths.log(written)
 
 
 def test_a_template_begins_a_campaign_of_the_given_name(tmp_path):

@@ -14,6 +14,7 @@ import pytest
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_lock import occupant_of
 from tests.campaign.small import NO_X_U, write_small
+from tests.campaign.test_vehicle_campaign import log_of
 from tests.dashboard.conftest import SLOW
 from tests.dashboard.served import served
 
@@ -338,7 +339,9 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
     with served(root) as (address, _):
         page.goto(address)
         page.get_by_role("button", name="New campaign").click()
+        page.get_by_role("link", name="I plan a trial").click()
         page.get_by_label("Name", exact=True).fill("../boat")
+        page.get_by_text("More", exact=True).click()
         noise = page.get_by_label("u: noise", exact=True)
         noise.fill("5 apples")
         page.get_by_role("button", name="Begin", exact=True).click()
@@ -569,23 +572,123 @@ def test_hovered_values_are_those_of_the_view_after_a_zoom(tmp_path, page):
 def test_what_is_wrong_with_a_new_campaign_stands_beside_its_field(tmp_path, page):
     (tmp_path / "served").mkdir()
     with served(tmp_path / "served") as (address, _):
-        page.goto(f"{address}new")
+        page.goto(f"{address}new?case=plan")
         page.get_by_label("Name", exact=True).fill("boat")
-        page.get_by_label("mass").wait_for()
+        page.get_by_label("Mass").wait_for()
+        assert page.locator("#main input:visible").count() <= 7
         for field, value, told in (
-            ("thrust_deduction", "1", "less than 1"),
-            ("mass", "0 kg", "a number above zero"),
-            ("mass", "30 pounds", "unknown unit"),
+            ("thrust_deduction", "1", "less than 1"),  # it is folded, and the fold opens
+            ("Mass, such as 30 kg", "0 kg", "a number above zero"),
+            ("Least propeller speed, n", "1700 rpm", "lower below upper"),
         ):
             form = page.get_by_label(field, exact=True)
             good = form.input_value()
+            if not form.is_visible():
+                page.get_by_text("More", exact=True).click()
             form.fill(value)
+            if field == "thrust_deduction":
+                page.get_by_text("More", exact=True).click()
             page.get_by_role("button", name="Show the campaign file").click()
             beside = page.locator(".q-field--error")
             beside.filter(has=page.get_by_label(field, exact=True)).get_by_text(told).wait_for()
             assert beside.count() == 1
             form.fill(good)
             form.blur()
+        learn = page.get_by_role("combobox", name="What to learn")
+        learn.click()
+        page.get_by_role("option", name="X_u: linear damping").click()
+        learn.press("Escape")
         page.get_by_role("button", name="Show the campaign file").click()
         page.get_by_text("It can be used.").wait_for()
+        assert tomllib.loads(page.locator("#main pre").inner_text())["structure"]["optional"] == []
+    assert page.said == []
+
+
+def test_a_log_begins_a_campaign_by_its_columns(tmp_path, page):
+    root, log = tmp_path / "served", tmp_path / "dive 1.csv"
+    root.mkdir()
+    rows = [f"{0.1 * i:.1f},{1.5 + 0.2 * (i // 50 % 2)},{1200 + 200 * (i // 50 % 2)},{i % 7}" for i in range(300)]
+    log.write_text("time_s,speed,rpm,other\n" + "\n".join(rows) + "\n")
+    with served(root) as (address, _):
+        page.goto(f"{address}new?case=log")
+        page.get_by_label("Name", exact=True).fill("boat")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.get_by_text("Choose a log, or send one.").wait_for()
+        page.locator("input[type=file]").set_input_files(log)
+        page.get_by_label("Mass").fill("45 kg")
+        assert page.get_by_label("Log, below").input_value() == "logs/dive 1.csv"
+        upper = page.get_by_label("n: upper", exact=True)
+        assert upper.input_value() == "1400 rpm"
+        choose(page, "Control n: column", "other · rows")
+        page.wait_for_function("(field) => field.value === '6 rpm'", arg=upper.element_handle())
+        choose(page, "Control n: column", "not in a log")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.get_by_text("Choose a column.").wait_for()
+        choose(page, "Control n: column", "rpm · rows")
+        unit = page.get_by_label("Measured speed u: unit")
+        unit.fill("kg")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.locator(".channel", has=unit).get_by_text('unit "kg"').wait_for()
+        assert [one.name for one in root.iterdir()] == ["logs"]
+        unit.fill("kn")
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.wait_for_url("**/import?campaign=boat")
+        page.get_by_text("then import the records").wait_for()
+        text = tomllib.loads((root / "boat" / "campaign.toml").read_text())
+        assert text["import"]["files"] == [
+            {
+                "path": "logs/dive 1.csv",
+                "time": {"column": "time_s", "unit": "s"},
+                "channels": {"u": {"column": "speed", "unit": "kn"}, "n": {"column": "rpm", "unit": "rpm"}},
+            }
+        ]
+        assert (text["vehicle"]["mass"], text["limits"]["n"]["upper"]) == ("45 kg", "1400 rpm")
+        assert (root / "boat" / "logs" / "dive 1.csv").read_bytes() == log.read_bytes()
+    assert page.said == []
+
+
+def test_a_bag_of_a_published_vehicle_needs_a_name_and_the_log(tmp_path, page):
+    root = tmp_path / "served"
+    root.mkdir()
+    log_of(root)
+    with served(root) as (address, _):
+        page.goto(f"{address}new?case=bag")
+        page.get_by_label("Name", exact=True).fill("rov")
+        log = page.get_by_label("Log, below")
+        log.fill("other.csv")
+        log.press("Tab")
+        page.locator(".q-field--error", has=log).get_by_text("no file").wait_for()
+        log.fill("dive.csv")
+        log.press("Tab")
+        page.get_by_text("f_8 from pwm[7]").wait_for()
+        page.get_by_role("button", name="Begin", exact=True).click()
+        page.wait_for_url("**/import?campaign=rov")
+        made = tomllib.loads((root / "rov" / "campaign.toml").read_text())
+        assert (made["vehicle"]["catalogue"], made["campaign"]["name"]) == ("bluerov2_heavy", "rov")
+    assert page.said == []
+
+
+def test_a_term_is_picked_by_keyboard(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat", ("X_u = -1.21\n", ""))
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}model?campaign=boat")
+        kind = page.get_by_role("combobox", name="Kind", exact=True)
+        kind.focus()
+        kind.press("Enter")
+        page.keyboard.type("cub")
+        page.get_by_role("option", name="cubic damping: X_u3").wait_for()
+        page.get_by_role("option", name="cubic damping: X_u3").click()
+        page.get_by_role("img", name="Seen from above").wait_for()
+        page.get_by_text("Nothing is published of it").wait_for()
+        page.get_by_role("button", name="Add, optional").press("Enter")
+        page.get_by_text("X_u3 is under optional").wait_for()
+        page.wait_for_function("document.activeElement.getAttribute('aria-label') === 'X_u3: lower'")
+        page.get_by_role("button", name="Add, always in the model").press("Enter")
+        page.get_by_text("X_u3 is in the model already").wait_for()
+        page.get_by_label("X_u3: lower").fill("-2")
+        page.get_by_role("button", name="Check and save").press("Enter")
+        page.get_by_text("Saved in campaign.toml").wait_for()
+        content = tomllib.loads((folder / "campaign.toml").read_text())
+        assert content["structure"]["optional"] == ["X_u", "X_u3"]
+        assert content["prior"]["X_u3"]["lower"] == -2
     assert page.said == []

@@ -58,6 +58,16 @@ def test_a_log_is_kept_in_its_campaign(ask, tmp_path):
     assert (tmp_path / "served/boat/logs/run.csv").read_bytes() == b"t,u\n0,1\n"
 
 
+def test_a_log_of_a_campaign_that_is_not_begun_waits_in_the_served_folder(ask, tmp_path):
+    def send(content):
+        return ask("POST", "/upload/", params={"campaign": "", "name": "dive.csv"}, content=content).json()
+
+    assert send(b"t,u\n0,1\n") == ["kept", "logs/dive.csv"]
+    assert (tmp_path / "served/logs/dive.csv").read_bytes() == b"t,u\n0,1\n"
+    said, words = send(b"t,u\n0,2\n")
+    assert (said, "a log of that name" in words) == ("refused", True)
+
+
 def test_a_log_takes_the_place_of_another_only_where_the_campaign_does_not_name_that(ask, tmp_path):
     def send(name, content):
         return ask("POST", "/upload/", params={"campaign": "boat", "name": name}, content=content).json()

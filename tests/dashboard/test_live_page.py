@@ -80,10 +80,12 @@ def test_a_trial_is_followed_from_a_file_of_the_folder_or_a_port(tmp_path, monke
     jobs = Jobs()
     jobs.follow(tmp_path, "run 1.csv")
     jobs.follow(tmp_path, "14550")
+    jobs.follow(tmp_path, "ros2")
     jobs.close()
     assert [line[:3] for line in begun] == [
         ["live", str(tmp_path), str(tmp_path / "run 1.csv")],
         ["live", str(tmp_path), "udp:0.0.0.0:14550"],
+        ["live", str(tmp_path), "ros2"],
     ]
     for source in ("", "../log.csv", "/etc/passwd", "-", "0", "65536", "14550 ", "--import", "no.csv"):
         with pytest.raises(InputError, match="source of the trial"):
@@ -125,9 +127,7 @@ def test_a_vehicle_over_mavlink_is_followed_on_a_phone_in_sunlight(tmp_path):
             page.goto(address)
             page.goto(address.partition("?")[0] + "live?campaign=boat")
             page.get_by_text("No trial has been followed yet").wait_for()
-            page.get_by_text("From a pipe or ROS 2, in a shell").click()
-            for command in (f"your_logger | seatrial live {folder} -", f"{folder} ros2"):
-                page.get_by_text(command).wait_for()
+            page.get_by_text(f"your_logger | seatrial live {folder} -").wait_for()
             page.locator("select.theme").select_option("sun")
             deadline = time.monotonic() + 90
             while "listening" not in (tmp_path / "live.log").read_text():

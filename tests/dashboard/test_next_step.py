@@ -61,6 +61,11 @@ def test_the_first_step_that_is_not_current_is_next(states, checked, words, view
     assert step.view == view
 
 
+def test_a_log_that_is_there_is_imported():
+    step = next_step(steps("import", design=False), None, has_log=True)
+    assert (step.words, step.view) == ("Check which column is which channel, then import the records", "import")
+
+
 def test_after_the_last_trial_the_vehicle_is_exported():
     step = next_step(steps("import", ALL), None, stop=True)
     assert step.view == "report"

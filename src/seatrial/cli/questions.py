@@ -16,8 +16,8 @@ from seatrial.campaign.config.templates import example_of
 from seatrial.campaign.config.toml import field_at, parse_toml, toml_content
 from seatrial.campaign.config.toml_edit import Key, with_values
 from seatrial.core.coefficients import CoefficientName
-from seatrial.core.signals import QUATERNION
-from seatrial.core.usual_priors import TIMES
+from seatrial.core.signals import CONTROLS, QUATERNION
+from seatrial.core.usual_priors import TIMES, USUAL_SHARE
 
 _NOT_ASKED = ("seed", "distribution")  # Keys whose value nobody has to think about at the beginning
 CHANGING = (
@@ -136,28 +136,42 @@ def with_priors(before: Mapping[str, Any], text: str) -> str:
 
 def _priors_of(content: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return a usual prior of all for which a campaign file has to state one: its terms, and the noise of its sensors."""
+    from seatrial.estimation.priors import physical_support
     from seatrial.estimation.simulation.sensor_errors import correlation_name
-    from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
 
-    vehicle, structure = content.get("vehicle", {}), content.get("structure", {})
-    published: dict[str, float] = {}
-    if "published_prior_sd" in vehicle and "catalogue" in vehicle:
-        name = vehicle["catalogue"]
-        entry = load_surge(name) if name in surge_names() else load_vehicle(name)
-        published = {**entry.hull.fixed, **entry.coefficients}
-    ranges: dict[str, tuple[str, tuple[float, float]]] = {}
+    vehicle, structure, priors = content.get("vehicle", {}), content.get("structure", {}), {}
+    published = published_of(vehicle)
     for name in (*structure.get("always", ()), *structure.get("optional", ())):
-        if name not in published:
-            ranges[name] = "uniform", ((0.0, 1.0) if CoefficientName.parse(name).axis == "T" else (-1.0, 0.0))
+        value, term = published.get(name), CoefficientName.parse(name)
+        if value and "published_prior_sd" not in vehicle:
+            sd = float(f"{USUAL_SHARE * abs(value):.3g}")
+            is_damping = value < 0 and physical_support(term, inf) is not None
+            priors[name] = {"distribution": "normal", "mean": value, "sd": sd}
+            priors[name] |= {"dissipative": True} if is_damping else {}
+        elif not value:
+            is_gain = term.axis == "T" or any(one in CONTROLS for one in term.signals)
+            priors[name] = _range("uniform", (0.0, 1.0) if is_gain else (-1.0, 0.0))
     for sensor, table in content.get("sensors", {}).items():
         kind = table.get("residuals", content.get("estimation", {}).get("residuals"))
         for channel in QUATERNION if sensor == "attitude" else (sensor,):
             if kind == "coloured":
-                ranges[correlation_name(channel)] = "log-uniform", TIMES
-    return {
-        name: {"distribution": distribution, "lower": lower, "upper": upper}
-        for name, (distribution, (lower, upper)) in ranges.items()
-    }
+                priors[correlation_name(channel)] = _range("log-uniform", TIMES)
+    return priors
+
+
+def published_of(vehicle: Mapping[str, Any]) -> dict[str, float]:
+    """Return the published values of the coefficients of a vehicle, SI, by its table in a campaign file; none of one's own vehicle."""
+    from seatrial.vehicles.catalogue import load_surge, load_vehicle, surge_names
+
+    if "catalogue" not in vehicle:
+        return {}
+    name = vehicle["catalogue"]
+    entry = load_surge(name) if name in surge_names() else load_vehicle(name)
+    return {**entry.hull.fixed, **entry.coefficients}
+
+
+def _range(distribution: str, ends: tuple[float, float]) -> dict[str, Any]:
+    return {"distribution": distribution, "lower": ends[0], "upper": ends[1]}
 
 
 def _values(path: Key, content: Any) -> Iterator[tuple[Key, Any]]:

@@ -2,11 +2,13 @@
 
 import os
 import re
+import shutil
 import unicodedata
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from seatrial.campaign.config.named_files import find
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN
 from seatrial.core.errors import InputError, nearest
@@ -119,8 +121,21 @@ class CampaignPaths:
             raise _taken(folder)
         return folder
 
-    def begin(self, folder: Path, text: str) -> None:
-        """Make the folder of a new campaign, and write its file.
+    def log(self, written: str) -> Path:
+        """Return a log that a new campaign is of, by its path from the served folder, links followed.
+
+        Raises:
+            InputError: no such file, or one in a folder that may not be read.
+        """
+        try:
+            return find(self.root, written, f'log "{written[:80]}"').resolve()
+        except InputError as error:
+            remedy = "choose one of the list, or send it; for others start the dashboard with --allow-read FOLDER"
+            raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from None
+
+    def begin(self, folder: Path, text: str, log: Path | None = None) -> None:
+        """Make the folder of a new campaign, and write its file; a log is kept under `logs/` of it, by a link that shares its bytes if
+        there can be one.
 
         Raises:
             InputError: somebody else has made it meanwhile.
@@ -131,9 +146,11 @@ class CampaignPaths:
         except FileExistsError as cause:
             raise _taken(folder) from cause
         try:
+            if log is not None:
+                _keep(log, folder / "logs" / log.name)
             write_text(folder / CAMPAIGN, text)
         except OSError:
-            folder.rmdir()
+            shutil.rmtree(folder)
             raise
 
     def inside(self, folder: Path, relative: str) -> Path:
@@ -179,6 +196,15 @@ class CampaignPaths:
                 remedy="copy it from the campaign's folder",
             )
         return self.inside(self.folder(name), relative), DOWNLOADS[relative]
+
+
+def _keep(log: Path, place: Path) -> None:
+    """Link a log, which may be a folder such as a bag, into another place; copy it if it cannot be linked."""
+    place.parent.mkdir()
+    try:
+        shutil.copytree(log, place, copy_function=os.link) if log.is_dir() else os.link(log, place)
+    except OSError:
+        shutil.copytree(log, place, dirs_exist_ok=True) if log.is_dir() else shutil.copy2(log, place)
 
 
 def logs_of(folder: Path, suffixes: tuple[str, ...]) -> list[str]:

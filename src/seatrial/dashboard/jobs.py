@@ -28,8 +28,8 @@ TAIL = 16_000
 """Bytes of output that are shown."""
 LOG = "last_command.txt"
 """What was printed by the last command."""
-LIVE, IDLE = "live", 1800
-"""The command that follows a trial, and seconds without a sample after which it ends if it was started from a page."""
+LIVE, ROS, IDLE = "live", "ros2", 1800
+"""The command that follows a trial, its source that is topics, and seconds without a sample after which it ends if a page started it."""
 TEXTS = (".csv", ".tsv", ".txt", ".log")
 """Names of text files that may grow end so."""
 KEPT = 2
@@ -101,11 +101,11 @@ class Jobs:
         self._begin(folder, [command, str(folder), *options])
 
     def follow(self, folder: Path, source: str) -> None:
-        """Follow a trial from a text file inside the campaign's folder, or from a UDP port of this machine.
+        """Follow a trial from a text file inside the campaign's folder, from a UDP port of this machine, or from topics of ROS 2.
 
         Args:
             folder: of the campaign.
-            source: path from the folder, or the number of the port.
+            source: path from the folder, the number of the port, or `ROS`.
 
         Raises:
             InputError: another command is at work, or there is no such source.
@@ -113,13 +113,15 @@ class Jobs:
         """
         if source.isascii() and source.isdigit() and 0 < int(source[:6]) < 65536:
             place = f"udp:0.0.0.0:{int(source)}"
+        elif source == ROS:
+            place = ROS
         elif source in logs_of(folder, TEXTS):
             place = str(folder / source)
         else:
             raise InputError(
                 "source of the trial",
                 found=repr(source[:80]),
-                expected="a text file in the campaign's folder, or a port from 1 to 65535",
+                expected=f"a text file in the campaign's folder, a port from 1 to 65535, or {ROS}",
                 remedy="choose one",
             )
         self._begin(folder, [LIVE, str(folder), place, f"--idle={IDLE}"])

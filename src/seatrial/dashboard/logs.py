@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from seatrial.cli.campaign_text import read_file
+from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.files import atomic_path
 from seatrial.core.processes import apart
@@ -92,10 +92,12 @@ async def receive(
         raise InputError(str(place), found="a link", expected="a folder of the campaign", remedy="make it a folder")
     path, relative = place / name, f"{FOLDER}/{name}"
     is_there = path.exists() or path.is_symlink()
-    if is_there and (path.is_symlink() or is_named(read_file(folder), relative)):
+    is_campaign = (folder / CAMPAIGN).is_file()  # else the folder of all, in which a log waits for its campaign
+    if is_there and (path.is_symlink() or not is_campaign or is_named(read_file(folder), relative)):
+        found = "a log of that name" + (", which the campaign reads" if is_campaign else "")
         raise InputError(
             f'file "{relative}"',
-            found="a link of that name" if path.is_symlink() else "a log of that name, which the campaign reads",
+            found="a link of that name" if path.is_symlink() else found,
             expected="a new name",
             remedy="rename the file, or use the one there",
         )

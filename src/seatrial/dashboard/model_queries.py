@@ -12,7 +12,6 @@ import numpy as np
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.priors import numbers_of
-from seatrial.campaign.config.templates import template_text
 from seatrial.campaign.config.toml import toml_content
 from seatrial.campaign.config.vehicle_campaign import vehicle_campaign_text
 from seatrial.campaign.data.import_logs import Trials, read_tables, read_untrimmed
@@ -27,7 +26,7 @@ from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import StepState, Store, read_result
 from seatrial.campaign.workflow.status import standing
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
-from seatrial.cli.questions import Question, answered, questions
+from seatrial.cli.questions import Question, answered, published_of, question, questions
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.normal import Z90
@@ -35,10 +34,12 @@ from seatrial.core.record import Record
 from seatrial.core.record_file import read_record
 from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
+from seatrial.core.usual_priors import USUAL_SHARE
 from seatrial.dashboard import result_plots as drawings
 from seatrial.dashboard.downsample import Envelope, Load
-from seatrial.dashboard.logs import StampedColumn, samples_of
+from seatrial.dashboard.logs import StampedColumn, isolated, samples_of
 from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
+from seatrial.dashboard.terms import usual_terms
 from seatrial.dashboard.view_models import (
     COMPARED,
     AxisAbout,
@@ -46,6 +47,7 @@ from seatrial.dashboard.view_models import (
     ExportTarget,
     FormData,
     Margin,
+    OfferedTerm,
     RecordAbout,
 )
 from seatrial.design.integrals import motion_signals
@@ -184,23 +186,50 @@ def asked_of_model(text: str, answers: Answers) -> tuple[Question, ...]:
     return questions(text, {**tables, "estimation": OF_CHAINS})
 
 
-def beginning(folder: str, start: str) -> tuple[str, tuple[Question, ...]]:
-    """Return the file of a template or of a published vehicle, and the questions about it.
+def offered_terms(folder: str) -> tuple[OfferedTerm, ...]:
+    """Return the usual terms of the vehicle of a campaign; none if its file cannot be used."""
+    try:
+        campaign = load_campaign(folder)
+    except InputError:
+        return ()
+    vehicle = toml_content(campaign.path, campaign.text)["vehicle"]
+    published, model, terms = published_of(vehicle), campaign.model(campaign.full), []
+    for name in usual_terms(model.states, (*model.controls, *campaign.hull.trim)):
+        prior = "Nothing is published of it: its prior is a range to correct."
+        if value := published.get(name):
+            share = vehicle.get("published_prior_sd", f"{USUAL_SHARE:.0%}")
+            prior = (
+                f"Published value {value:.4g}: its prior is normal about that, with a standard deviation of {share}."
+            )
+        terms.append(OfferedTerm(name, prior))
+    return tuple(terms)
+
+
+def beginning(folder: str, vehicle: str, log: str = "", named: str = "") -> tuple[str, tuple[Question, ...]]:
+    """Return the file of a new campaign as `seatrial init` writes it, and the questions about it.
 
     Args:
         folder: where it is to stand.
-        start: template or published vehicle.
+        vehicle: published one; empty for one's own.
+        log: of a trial; empty before there is one.
+        named: path of the log from the campaign's folder, as it will be.
 
     Raises:
-        InputError: no such template.
+        InputError: as `vehicle_campaign_text`, or a log that takes too much.
     """
-    text = vehicle_campaign_text(Path(folder), start) if start in vehicle_names() else template_text(start)
-    return text, questions(text)
+    about = Path(folder), vehicle, Path(log) if log else None, named
+    text = isolated(log, vehicle_campaign_text, *about) if log else vehicle_campaign_text(*about)
+    return text, asked(text, ())
 
 
 def asked(text: str, answers: Answers) -> tuple[Question, ...]:
-    """Return the questions about a new campaign that some answers leave; errors as `edited`."""
-    return questions(answered(text, dict(answers)))
+    """Return the questions about a new campaign that some answers leave, limits of its control always; errors as `edited`."""
+    text = answered(text, dict(answers))
+    control = toml_content(CAMPAIGN, text)["design"]["control"]
+    unit, ends = shown_unit(control)[1], [("limits", control, key) for key in ("lower", "upper")]
+    limits = {".".join(one): question(one, None)._replace(default=f"none; such as 1 {unit}") for one in ends}
+    there = {one.key: one for one in questions(text) if one.key != "campaign.name"}
+    return tuple((there | {key: one for key, one in limits.items() if key not in there}).values())
 
 
 def edited(folder: str, text: str, answers: Answers) -> tuple[str, tuple[str, ...]]:

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.store.stored_result import StepState
-from seatrial.cli.campaign_text import CAMPAIGN
+from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.display_units import listed
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import AppContext
+from seatrial.dashboard.channel_map import files_of, path_of, runs_of
 from seatrial.dashboard.view_models import Checked
 
 RECORDS = ("import", "simulate")
@@ -34,26 +35,31 @@ async def find_next_step(context: AppContext, folder: Path) -> NextStep:
     try:
         steps, checked = await asyncio.gather(context.steps(folder), context.checked(folder))
         stop = all(one.state == "current" for one in steps) and Results(folder).summary().next_trial.stop
+        text = read_file(folder)
+        logs = {path_of(one, run) for one in files_of(text) for run in runs_of(text)}
     except (SeatrialError, OSError) as error:
         if CAMPAIGN in str(error):
             return NextStep("Correct the campaign file", "file")
         return NextStep("Run the campaign again: a result cannot be read", "run")
-    return next_step(steps, checked, stop)
+    return next_step(steps, checked, stop, any((folder / log).exists() for log in logs))
 
 
-def next_step(steps: Sequence[StepState], checked: Checked | None, stop: bool = False) -> NextStep:
+def next_step(
+    steps: Sequence[StepState], checked: Checked | None, stop: bool = False, has_log: bool = False
+) -> NextStep:
     """Return what to do next.
 
     Args:
         steps: of the campaign, in their order.
         checked: what the last check of its records says; None where there was none.
         stop: whether the results propose no further trial.
+        has_log: whether a log is there that the campaign names.
     """
     states = {one.name: one.state for one in steps}
     records = next(name for name in RECORDS if name in states)
     after = [one for one in steps if one.name not in ("design", records)]
     if states[records] != "current":
-        return _records_step(states, records)
+        return _records_step(states, records, has_log)
     if records == "import" and states["estimate"] != "current" and (found := _check_step(checked)):
         return found
     if stale := [one.name for one in after if one.state == "stale"]:
@@ -78,10 +84,12 @@ WORDS = {
 """What to do where a step is the first that is missing."""
 
 
-def _records_step(states: dict[str, str], records: str) -> NextStep:
+def _records_step(states: dict[str, str], records: str, has_log: bool) -> NextStep:
     """Return how records are made that are missing or stale."""
     if states[records] == "stale":
         return NextStep(f"{records.capitalize()} the records again: the campaign file or a log has changed", "import")
+    if has_log and records == "import":
+        return NextStep("Check which column is which channel, then import the records", "import")
     if states.get("design", "current") != "current":
         return NextStep("Design the first trial", "design")
     if records == "simulate":

@@ -192,7 +192,7 @@ def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
         from seatrial.dashboard.logs import SUFFIXES
 
         try:
-            folder = context.campaign_paths.folder(campaign)
+            folder = context.campaign_paths.folder(campaign) if campaign else context.campaign_paths.root
             kept, is_another = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
         except (
             SeatrialError,
@@ -210,8 +210,8 @@ def _add_pages(context: AppContext) -> None:
         await overview.build(context)
 
     @ui.page("/new", response_timeout=BUILD)
-    async def _new() -> None:
-        await new_campaign.build(context)
+    async def _new(case: str = "") -> None:
+        await new_campaign.build(context, case)
 
     for view, make in VIEWS.items():
         _add_view(context, view, make)

@@ -44,6 +44,8 @@ class TableForm:
         ask: for the questions that some answers leave; None where no answer changes them.
         notes: beside the names of tables.
         messages: element for what concerns the form as a whole; it may stay when the form is built again.
+        first: label of each value that is asked for at first, by key; all others are folded. Without any nothing is folded.
+        elsewhere: says what is wrong beside a field of another form, and returns whether there is one.
     """
 
     def __init__(
@@ -54,8 +56,11 @@ class TableForm:
         messages: ui.element,
         ask: Callable[[Answers], Awaitable[Sequence[Question]]] | None = None,
         notes: Mapping[str, str] | None = None,
+        first: Mapping[str, str] | None = None,
+        elsewhere: Callable[[InputError], bool] = lambda error: False,
     ):
         self.context, self.text, self.messages, self.ask, self.notes = context, text, messages, ask, notes or {}
+        self.first, self.elsewhere, self.is_open = first, elsewhere, False
         self.answers: dict[str, str] = {}
         self.fields: dict[str, ui.input | ui.select] = {}
         self.place = ui.element("div")
@@ -66,27 +71,38 @@ class TableForm:
         self.place.clear()
         self.fields.clear()
         self.stated = {one.key: one.value for one in questions}
+        with self.place:
+            if self.first is None:
+                self._tables(questions)
+                return
+            self._line([one for key in self.first for one in questions if one.key == key])
+            self.more = ui.element("details").props("open" if self.is_open else "")
+            with self.more:
+                with ui.element("summary"):
+                    markup("More")
+                self._tables([one for one in questions if one.key not in self.first])
+
+    def _tables(self, questions: Sequence[Question]) -> None:
         tables = {name: list(group) for name, group in groupby(questions, lambda one: one.key.rpartition(".")[0])}
         has_sections = len({name.partition(".")[0] for name in tables}) > 1
-        with self.place:
-            for name, lines in groupby(tables.values(), lambda group: group[0].key.partition(".")[0]):
-                lines = list(lines)
-                is_empty = [not any(one.value for one in line) for line in lines]
-                with section(f"[{name}]", self.notes.get(name, "")) if has_sections else nullcontext():
-                    for line in (line for line, empty in zip(lines, is_empty, strict=True) if not empty):
-                        self._line(line)
-                    if any(is_empty):
-                        with ui.element("details"):
-                            with ui.element("summary"):
-                                markup("Not stated")
-                            for line in (line for line, empty in zip(lines, is_empty, strict=True) if empty):
-                                self._line(line)
+        for name, lines in groupby(tables.values(), lambda group: group[0].key.partition(".")[0]):
+            lines = list(lines)
+            is_empty = [not any(one.value for one in line) for line in lines]
+            with section(f"[{name}]", self.notes.get(name, "")) if has_sections else nullcontext():
+                for line in (line for line, empty in zip(lines, is_empty, strict=True) if not empty):
+                    self._line(line)
+                if any(is_empty):
+                    with ui.element("details"):
+                        with ui.element("summary"):
+                            markup("Not stated")
+                        for line in (line for line, empty in zip(lines, is_empty, strict=True) if empty):
+                            self._line(line)
 
     def _line(self, questions: Sequence[Question]) -> None:
         with ui.element("div").classes("line"):
             for question in questions:
                 *tables, name = question.key.split(".")
-                label = f"{tables[-1]}: {name}" if len(tables) > 1 else name
+                label = (self.first or {}).get(question.key) or (f"{tables[-1]}: {name}" if len(tables) > 1 else name)
                 field = self.fields[question.key] = field_of(question, label)
                 left = partial(self._left, question.key)
                 if question.choices:
@@ -102,10 +118,26 @@ class TableForm:
         value = str(self.fields[key].value or "")
         if self.ask is None or value == self.stated[key] or key.rpartition(".")[2] not in CHANGING:
             return
+        self.is_open = True  # what changes questions is asked for there
         try:
             self._build(await self.ask(self.changes()))
         except (SeatrialError, OSError) as error:
             self.fields[key].error = beside(error)
+
+    async def add(self, key: str, name: str, lists: Sequence[str]) -> bool:
+        """Add a name to a list of names, and go to its prior; returns whether it was in none of some lists."""
+        names = {
+            one: [part.strip() for part in str(self.fields[one].value or "").split(",") if part.strip()]
+            for one in lists
+        }
+        if any(name in one for one in names.values()):
+            return False
+        self.fields[key].value = ", ".join([*names[key], name])
+        await self._left(key)
+        of_prior = [field for one, field in self.fields.items() if one.startswith(f"prior.{name}.")]
+        for field in of_prior[1:2] or [self.fields[key]]:  # the first is the distribution
+            field.run_method("focus")
+        return True
 
     @property
     def is_edited(self) -> bool:
@@ -120,10 +152,14 @@ class TableForm:
 
     def complain(self, error: SeatrialError | OSError | str) -> None:
         """Show what is wrong beside the field that it is about, else with the form."""
-        key = key_at(error.where, list(self.fields)) if isinstance(error, InputError) else None
-        if key is not None:
-            self.fields[key].error = beside(error)
-            error = "Some fields are wrong: see the messages beside them. Nothing was written."
+        if isinstance(error, InputError):
+            key = key_at(error.where, list(self.fields))
+            if key is not None:
+                self.fields[key].error = beside(error)
+                if self.first is not None and key not in self.first:
+                    self.more.props("open")
+            if key is not None or self.elsewhere(error):
+                error = "Some fields are wrong: see the messages beside them. Nothing was written."
         self.messages.clear()
         with self.messages:
             say(error)

@@ -142,6 +142,13 @@ class FormData(NamedTuple):
     predict: tuple[str, ...]
 
 
+class OfferedTerm(NamedTuple):
+    """A term that the vehicle of a campaign may have, and what its prior would be, in words."""
+
+    name: str
+    prior: str
+
+
 class ExportTarget(NamedTuple):
     """A target of `seatrial export`: why it cannot be, empty where it can, and which terms it does not support."""
 

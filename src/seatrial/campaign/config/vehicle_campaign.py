@@ -14,6 +14,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLES, OVER_EARTH, POSITIONS, PROPULSION, QUATERNION, RATES, thruster_controls
+from seatrial.core.usual_priors import USUAL_SHARE
 from seatrial.logs.guess import COMMAND, best
 from seatrial.logs.inspect import LogSummary, inspect_log
 from seatrial.vehicles.catalogue import PublishedVehicle, load_surge, load_vehicle, surge_names
@@ -216,7 +217,7 @@ def _vehicle(vehicle: str, positions: list[str], trim: Mapping[str, str] | None 
         "[vehicle]",
         f'catalogue = "{vehicle}"',
         *([f"positions = {json.dumps(positions)}"] if positions else []),
-        'published_prior_sd = "60 %"',
+        f'published_prior_sd = "{100 * USUAL_SHARE:.0f} %"',
         *([f"trim = {{ {stated} }}"] if stated else []),
     ]
     return "\n".join(lines)

@@ -38,6 +38,23 @@ _SEND = """async (e) => {
 }"""
 
 
+def upload_field(campaign: str, sent: Callable[[str, str], Awaitable[None]]) -> None:
+    """Build the field by which a log is sent.
+
+    Args:
+        campaign: to which; empty for one that is not begun.
+        sent: is told that it is `sending` a file, has `kept` or `replaced` it at a path, or has `refused` it and why.
+    """
+
+    async def told(event: Any) -> None:
+        await sent(*(str(part) for part in event.args))
+
+    with ui.element("label").classes("upload"):
+        markup("or send one from this machine")
+        query = '"' + urlencode({"campaign": campaign}) + '"'
+        ui.element("input").props("type=file").on("change", told, js_handler=_SEND % query)
+
+
 class ImportForm:
     """Logs of the folder, and the map of their columns to channels; nothing is written before the whole file was checked.
 
@@ -63,10 +80,7 @@ class ImportForm:
         with ui.element("div").classes("line"):
             self.form = ui.select(self._logs(), label="A log in the campaign's folder").props(LOOK).classes("wide")
             button("Preview log", self._look, main=True)
-        with ui.element("label").classes("upload"):
-            markup("or send one from this machine")
-            query = '"' + urlencode({"campaign": self.campaign}) + '"'
-            ui.element("input").props("type=file").on("change", self._sent, js_handler=_SEND % query)
+        upload_field(self.campaign, self._sent)
         self.state = markup("").props('aria-live="polite"')
         self.holder = ui.element("div")
 
@@ -75,8 +89,7 @@ class ImportForm:
 
         return logs_of(self.folder, SUFFIXES)
 
-    async def _sent(self, event: Any) -> None:
-        kind, words = (str(part) for part in event.args)
+    async def _sent(self, kind: str, words: str) -> None:
         if kind in ("kept", "replaced"):
             self.form.set_options(self._logs(), value=words)
             await self._look()

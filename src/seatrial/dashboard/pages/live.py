@@ -15,7 +15,7 @@ from seatrial.core.errors import SeatrialError
 from seatrial.core.reporter import duration_text
 from seatrial.dashboard.app_context import AppContext, markup, say
 from seatrial.dashboard.campaign_paths import logs_of
-from seatrial.dashboard.jobs import LIVE, TEXTS
+from seatrial.dashboard.jobs import LIVE, ROS, TEXTS
 from seatrial.dashboard.page_layout import LOOK, button, section
 from seatrial.dashboard.pages.work import Live
 
@@ -27,11 +27,6 @@ SIGNS = {"go on": "▶", "stop": "■", "switch": "⇄", "wrong": "▲", "check"
 """Sign before each kind of advice, so that colour alone says nothing."""
 
 
-WAYS = {
-    "The output of another program, through a pipe": "your_logger | seatrial live {} -",
-    "The ROS 2 topics that [import] names": "seatrial live {} ros2",
-}
-"""Commands that follow a trial from what a page cannot open, by what they read."""
 PORT = "14550"
 """Port to which MAVLink is sent by custom."""
 
@@ -56,7 +51,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Follow a trial", words):
         await StartForm(context, folder).build()
         Live(context, folder, (LIVE,))
-        markup(_ways(folder))
+        words = "A page cannot read the output of another program: pipe it in a shell, <code>your_logger | seatrial live {} -</code>."
+        markup(Markup('<p class="note">' + words + "</p>").format(shlex.quote(str(folder))))
 
 
 class StartForm:
@@ -75,6 +71,7 @@ class StartForm:
         files = await asyncio.to_thread(logs_of, self.folder, TEXTS)
         with ui.element("div").classes("line"):
             sources = {"file": "a text file that grows, in the campaign's folder", "udp": "MAVLink that arrives by UDP"}
+            sources |= {ROS: "ROS 2 topics that [import] names, if the dashboard was started with rclpy"}
             self.kind = ui.select(sources, value="file", label="Samples come from").props(LOOK).classes("wide")
             self.file = ui.select(files, label="File").props(LOOK)
             self.port = ui.input("Port", value=PORT).props(LOOK)
@@ -86,7 +83,7 @@ class StartForm:
 
     def _start(self) -> None:
         self.said.clear()
-        source = self.port.value if self.kind.value == "udp" else self.file.value
+        source = {"udp": self.port.value, "file": self.file.value}.get(str(self.kind.value), ROS)
         try:
             self.context.jobs.follow(self.folder, str(source or "").strip())
         except (SeatrialError, OSError) as error:
@@ -141,11 +138,3 @@ def _coefficient(one: Mapping[str, Any]) -> Markup:
 
 
 NONE = Markup("<section><p>No trial has been followed yet.</p></section>")
-
-
-def _ways(folder: Path) -> Markup:
-    place = shlex.quote(str(folder))
-    ways = Markup("").join(
-        Markup("<p>{}:</p><pre>{}</pre>").format(what, command.format(place)) for what, command in WAYS.items()
-    )
-    return Markup("<details><summary>From a pipe or ROS 2, in a shell</summary>{}</details>").format(ways)

@@ -1,6 +1,6 @@
 """Rows of the form of a channel map: the column of each channel and of each clock, with small pictures of what the columns hold."""
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +93,8 @@ class ChannelRow(MapRow):
         there: what the map says of the channel; None if nothing.
         is_control: whether it drives the vehicle.
         change: takes another column for the channel; None for none.
+        keys: of the map that are asked for beside the column; all by default.
+        words: what the channel is; its name by default.
     """
 
     def __init__(
@@ -102,6 +104,8 @@ class ChannelRow(MapRow):
         there: Mapping[str, Any] | None,
         is_control: bool,
         change: Callable[[str, Mapped | None], None],
+        keys: Sequence[str] = (),
+        words: str = "",
     ):
         self.draft, self.channel, self.change, self.choices = draft, channel, change, draft.columns
         entry = there or {}
@@ -111,14 +115,13 @@ class ChannelRow(MapRow):
         value = NONE if there is None else self._key(there)
         if value == KEPT:
             options[KEPT] = KEPT
-        keys = ("unit", "scale", "offset", *["between"] * is_control)  # only of a control it has a meaning
+        keys = keys or ("unit", "scale", "offset", *["between"] * is_control)  # only of a control it has a meaning
+        label = f"{words} {channel}" if words else channel
         with ui.element("div").classes("line channel"):
-            self.column = ui.select(options, value=value, label=f"{channel}: column", on_change=self._chosen).props(
-                LOOK
-            )
+            self.column = ui.select(options, value=value, label=f"{label}: column", on_change=self._chosen).props(LOOK)
             self.picture = markup("")
             asked = {key: question((*OF_CHANNELS, channel, key), entry.get(key)) for key in keys}
-            self.fields = {key: field_of(one, f"{channel}: {key}") for key, one in asked.items()}
+            self.fields = {key: field_of(one, f"{label}: {key}") for key, one in asked.items()}
             for key, field in self.fields.items():
                 field.classes(key).on_value_change(self._changed)
             self.said = ui.element("div").classes("beside")
@@ -149,8 +152,9 @@ class ChannelRow(MapRow):
         if column and column.unit:
             self.fields["unit"].value = column.unit
         elif by_name is not None:
-            unit, scale = by_name
-            self.fields["unit"].value, self.fields["scale"].value = unit, "" if scale == 1.0 else f"{scale:g}"
+            self.fields["unit"].value, scale = by_name
+            if "scale" in self.fields:
+                self.fields["scale"].value = "" if scale == 1.0 else f"{scale:g}"
         self._changed()
 
     def _changed(self) -> None:
