@@ -46,7 +46,10 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "log": Case("I have a log", "Columns, units and ranges are guessed from the log. Check them, and type the mass."),
+    "log": Case(
+        "I have a log",
+        "Of a published vehicle, or of your own in surge. Columns, units and ranges are guessed from it.",
+    ),
     "plan": Case("I plan a trial", "A first trial is designed within the limits that you state.", has_log=False),
     "bag": Case(
         "I have an ROV bag",
@@ -67,10 +70,8 @@ async def build(context: AppContext, case: str) -> None:
 
 def doors_html(case: str) -> Markup:
     """Return the cases as links; one may be chosen."""
-    html, here = (
-        '<li><a class="card" href="/new?case={}"{}><strong>{}</strong><span>{}</span></a></li>',
-        Markup(' aria-current="page"'),
-    )
+    html = '<li><a class="card" href="/new?case={}"{}><strong>{}</strong><span>{}</span></a></li>'
+    here = Markup(' aria-current="page"')
     doors = (
         Markup(html).format(key, here if key == case else "", one.title, name_html(one.words, {}))
         for key, one in CASES.items()
@@ -94,10 +95,8 @@ class Start:
             with ui.element("div").classes("line"):
                 self.name = ui.input("Name").props(LOOK)
                 if self.case.has_log:
-                    self.log = (
-                        ui.input("Log, below the folder that is served").props(f"{LOOK} list=logs").classes("wide")
-                    )
-                    self.log.on("change", self.show)
+                    self.log = ui.input("Log, below the folder that is served").props(f"{LOOK} list=logs")
+                    self.log.classes("wide").on("change", self.show)
                     there = await asyncio.to_thread(self._logs)
                     options = Markup("").join(Markup('<option value="{}"></option>').format(one) for one in there)
                     markup(Markup('<datalist id="logs">{}</datalist>').format(options))
@@ -120,9 +119,8 @@ class Start:
         return [one for one in logs_of(self.root, SUFFIXES) if not {"results", "export"} & {*Path(one).parts}]
 
     async def _sent(self, kind: str, words: str) -> None:
-        self.state.set_content(
-            Markup('<p class="waiting">sending {} …</p>').format(words) if kind == "sending" else Markup("")
-        )
+        waiting = Markup('<p class="waiting">sending {} …</p>').format(words)
+        self.state.set_content(waiting if kind == "sending" else "")
         self.log.error = words if kind == "refused" else None
         if kind == "kept":
             self.log.value = words
@@ -137,9 +135,7 @@ class Start:
             self.log.error = None
             if not str(self.log.value or "").strip():
                 return
-        await fill(
-            self.place, self._asked(), self._build, "looking through the log …" if self.case.has_log else "one moment …"
-        )
+        await fill(self.place, self._asked(), self._build)
 
     async def _asked(self) -> Any:
         """Return the campaign file, the questions about it, and what a log of one's own vehicle holds; None if that cannot be."""
@@ -186,11 +182,8 @@ class Start:
         else:
             mapped = channel_map.channels_of(channel_map.files_of(text))
             words = "; ".join(f"{channel} from {one.get('column', '')}" for channel, one in mapped.items())
-            markup(
-                Markup(
-                    '<p class="note">Channels and their columns: {}. You can correct them on the next page.</p>'
-                ).format(words)
-            )
+            note = '<p class="note">Channels and their columns: {}. You can correct them on the next page.</p>'
+            markup(Markup(note).format(words))
 
         async def ask(answers: Any) -> Any:
             return self._without_terms(await self.context.worker_pool.think("asked", text, answers))
@@ -207,9 +200,8 @@ class Start:
         options = {name: f"{name}: {words}" if (words := words_of(name)) else name for name in terms}
         self.structure = structure
         with ui.element("div").classes("line"):
-            self.learnt = (
-                ui.select(options, value=terms, label="What to learn", multiple=True).props(LOOK).classes("wide")
-            )
+            self.learnt = ui.select(options, value=terms, label="What to learn", multiple=True).props(LOOK)
+            self.learnt.classes("wide")
 
     def _map(self, channel: str, mapped: Mapped | None) -> None:
         """Take another column for a channel; the limits of a control are then those that the column shows."""
