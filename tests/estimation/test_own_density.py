@@ -124,6 +124,8 @@ def test_models_of_another_prior():
     assert found.probability == pytest.approx([0.5, 0.25, 0.25], abs=0.02)
     with pytest.raises(st.InputError, match=r"structure_prior(.|\n)*use one of: equal, multiplicity"):
         st.compare(models, structure_prior="uniform")
+
+
 def test_a_term_that_is_absent_from_a_posterior_is_in_question():
     whole = st.posterior_of_density(
         lambda p: normal_mean(p) + 0.0 * p["factor"], {"mean": st.Normal(0.0, WIDTH), "factor": st.Uniform(0.5, 2.0)}
