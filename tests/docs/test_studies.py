@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import benchmark_tables
 import calibration_alarms
 import evidence
+import false_terms
 import gpu
 import held_back
 import laboratory
@@ -25,6 +26,7 @@ import towing_tank
 PAGES = {
     "towing_tank": ("towing_tank", "", towing_tank.tables),
     "term_probabilities": ("term_probabilities", "", term_probabilities.tables),
+    "false_terms": ("false_terms", "", false_terms.tables),
     "evidence": ("evidence", "", evidence.tables),
     "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),
     "benchmark": ("benchmark", benchmark_tables.COMMAND, benchmark_tables.tables),
@@ -105,6 +107,14 @@ def test_tables_are_written_between_their_marks_or_to_the_end(tmp_path, monkeypa
     study_numbers.keep("kept", numbers := {"rows": [[1, None], [2.5, 3]], "words": ["[a  b]"]})
     assert study_numbers.kept("kept") == {"commit": "abc"} | numbers
     assert "  [1, null],\n" in (tmp_path / "kept.json").read_text()
+
+
+def test_false_terms_are_counted_again():
+    """The first row, of five useless candidates."""
+    kept = study_numbers.kept("false_terms")
+    counted = false_terms.count(5, 0, kept["sets"])
+    for by, one in counted.items():
+        assert kept["rows"][0][by]["false"] == pytest.approx(one.false)
 
 
 def test_mmg_with_rudder_by_hand():
