@@ -14,7 +14,7 @@ from seatrial.campaign.inference.estimate import estimate_key
 from seatrial.campaign.inference.model_error import stated_errors
 from seatrial.campaign.inference.modes import all_modes
 from seatrial.campaign.inference.posterior import widest
-from seatrial.campaign.selection.screening import names_prior, shortlist_of
+from seatrial.campaign.selection.screening import prior_in_key, shortlist_of
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, as_json, key_of, load_checkpoint, save_checkpoint
 from seatrial.compiled.random_keys import random_key
@@ -91,7 +91,7 @@ def evidence_key(campaign: Campaign, structure: Structure, trials: HasKey) -> st
 def stored_selection(campaign: Campaign, trials: HasKey) -> StoredResult[Selection]:
     """Return where the selection is kept, and what it depends on."""
     keys = {structure.label: evidence_key(campaign, structure, trials) for structure in campaign.structures}
-    path, key = Store(campaign.folder).selection, key_of("selection with every error" + names_prior(campaign), keys)
+    path, key = Store(campaign.folder).selection, key_of("selection with every error" + prior_in_key(campaign), keys)
     return StoredResult(path, key, Selection, f"seatrial select {campaign.folder}")
 
 

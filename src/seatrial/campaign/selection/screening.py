@@ -30,7 +30,7 @@ _LAYOUT = "with prior and delay"  # What a stored screening has that an older on
 KEPT = 50  # Structures that are kept, most probable first
 
 
-def names_prior(campaign: Campaign) -> str:
+def prior_in_key(campaign: Campaign) -> str:
     """Return what the key of a result has for a prior of the structures that is not the usual one."""
     prior = campaign.selection.structure_prior
     return "" if prior == "equal" else f", prior of structures by {prior}"
@@ -38,7 +38,7 @@ def names_prior(campaign: Campaign) -> str:
 
 def stored_screening(campaign: Campaign, trials: HasKey) -> StoredResult[Screened]:
     """Return where the screening is kept, and what it depends on."""
-    layout = _LAYOUT + names_prior(campaign)
+    layout = _LAYOUT + prior_in_key(campaign)
     believed = campaign.structure, campaign.vehicle, campaign.sensors, campaign.mounts, campaign.priors
     path, key = Store(campaign.folder).screening, key_of("screening", layout, trials.key, believed, campaign.seed)
     return StoredResult(path, key, Screened, f"seatrial select {campaign.folder}")
