@@ -17,14 +17,16 @@ class Word(NamedTuple):
 
 GLOSSARY = {
     "band": Word(
-        "bands?", "the interval that should contain a stated share of the measurements, 90 % unless another is named."
+        "bands?",
+        "the interval that should contain a stated share of the measurements. The share is 90 % unless "
+        "another is named.",
     ),
     "baseline": Word("baselines?", "a simple method, such as a first-order lag, that predicts the same runs."),
     "coverage": Word("coverage", "the share of true values, or of measurements, inside their intervals."),
     "CRPS": Word(
         "CRPS",
-        "continuous ranked probability score of a prediction with its band, in the unit of the channel; lower"
-        " is better. Without a band it is the mean absolute error.",
+        "continuous ranked probability score of a prediction with its band, in the unit of the channel; lower "
+        "is better. Without a band it is the mean absolute error.",
     ),
     "effective draws": Word(
         "effective (?:samples|draws)",
@@ -32,8 +34,8 @@ GLOSSARY = {
     ),
     "evidence": Word(
         "evidences?",
-        "the probability density of the data under a model, averaged over its priors. Ratios of evidences, "
-        "times prior odds, are odds between models.",
+        "the probability density of the data under a model, averaged over its priors. The ratio of two "
+        "evidences, times the prior odds, gives the odds between two models.",
     ),
     "held-back run": Word("held[ -]back", "a run that is not fitted, kept to test predictions."),
     "k-hat": Word(
@@ -45,13 +47,12 @@ GLOSSARY = {
         "distribution.",
     ),
     "model": Word(
-        "models?|structures?", "one set of terms. M-0 has every optional term; M-1, M-2 and so on have fewer."
+        "models?|structures?", "one set of terms. M-0, M-1 and so on are labels. Usually M-0 has every optional term."
     ),
     "nat": Word(
         "nats?",
         "the unit of information and of log evidence. A difference of 1 nat is odds of 2.7 to 1, 3 nats are "
-        "20 to 1, 5 nats are 150 to 1. One nat of information in one"
-        " coefficient divides its ± by 2.7.",
+        "20 to 1, 5 nats are 150 to 1. One nat of information in one coefficient divides its ± by 2.7.",
     ),
     "posterior": Word("posteriors?", "the distribution of the coefficients after the data: prior times likelihood."),
     "prior": Word("priors?", "the distribution of a coefficient before the data."),
