@@ -4,6 +4,8 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 import time
 import tomllib
 from pathlib import Path
@@ -665,6 +667,20 @@ def test_a_bag_of_a_published_vehicle_needs_a_name_and_the_log(tmp_path, page):
         page.wait_for_url("**/import?campaign=rov")
         made = tomllib.loads((root / "rov" / "campaign.toml").read_text())
         assert (made["vehicle"]["catalogue"], made["campaign"]["name"]) == ("bluerov2_heavy", "rov")
+    assert page.said == []
+
+
+def test_a_posterior_mode_is_shown_by_its_report(tmp_path, page):
+    folder = write_small(tmp_path / "served" / "boat", *NO_X_U)
+    command = [sys.executable, "-m", "seatrial", "estimate", str(folder), "--by", "mode", "--quiet"]
+    assert subprocess.run(command, capture_output=True).returncode == 0
+    with served(tmp_path / "served") as (address, _):
+        page.goto(f"{address}results?campaign=boat")
+        assert page.locator("table").count() == 0
+        page.get_by_role("button", name="Write the report of the first answer").click()
+        page.get_by_text("These are not the values to quote").wait_for()
+        assert page.locator("#values tbody tr").count() == 2
+        assert page.locator("code", has_text=f"seatrial run {folder}").count() == 1
     assert page.said == []
 
 

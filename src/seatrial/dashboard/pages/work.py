@@ -21,6 +21,8 @@ from seatrial.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.dashboard.run_bar import remaining_of
 from seatrial.report.labels import name_html
 
+FOLDED = ("check", "report")
+"""Commands whose results pages show: what they print is folded."""
 EVERY = 0.25
 """Seconds between looks at a command at work."""
 OFFERED = {name: f"{name}: {makes}" for name, makes in STARTED.items() if name != "export"}
@@ -176,7 +178,7 @@ class Live:
         job = self.context.look(self.folder)
         if self.words and job.word not in self.words:
             job = replace(job, command="", output="")
-        html = str(live_html(job, folded=job.word == "check"))
+        html = str(live_html(job, folded=job.word in FOLDED))
         if html != self.shown:
             self.shown = html
             self.part.set_content(html)
