@@ -45,7 +45,7 @@ from seatrial.sampling.target import log_densities
 from seatrial.sampling.tempered_smc import SMCSettings, sample_tempered_smc
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
-import study_numbers
+import study_numbers  # pyright: ignore[reportMissingImports]
 
 STEPS = 6_000
 REPEATS, PATIENCE = 3, 5.0

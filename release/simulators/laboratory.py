@@ -29,7 +29,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.thrusters import allocation
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
-import study_numbers
+import study_numbers  # pyright: ignore[reportMissingImports]
 
 VEHICLES = (
     "remus100_hall_anstee",

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import laboratory
 import numpy as np
 from laboratory import CHANNELS, DURATION, SAMPLE, STEP, History, Results, Scenario, SignRow, State, Subject
-from study_numbers import commit
+from study_numbers import commit  # pyright: ignore[reportMissingImports]
 
 from seatrial.export.manoeuvre import Controls
 from seatrial.export.motion import motion_of
