@@ -47,8 +47,8 @@ def tables(numbers: dict) -> str:
         lines.append(f"| {words.removeprefix('k = ')} | {' | '.join(f'{100 * share:.1f} %' for share in shares)} |")
     lines += [
         "",
-        f"The next table gives the share of alarms if one of k quantities is wrong, with {REPLICATES} replicates. Each share is from {WRONG} simulated "
-        "campaigns, so it is known to 4 %.",
+        f"The next table gives the share of alarms if one of k quantities is wrong, with {REPLICATES} replicates. "
+        f"Each share is from {WRONG} simulated campaigns, so it is known to 4 %.",
         "",
         f"| actual errors divided by stated ones | {' | '.join(f'k = {k}' for k in QUANTITIES)} |",
         f"|{'---|' * 5}",
