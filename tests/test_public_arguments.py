@@ -253,7 +253,7 @@ DESIGN = {
         ({"families": "doublet"}, "families"),
         ({"amplitude": 20.0}, "amplitude"),
         ({"amplitude": [np.nan]}, r"amplitude\[0\]"),
-        ({"amplitude": [20.0, 0.0]}, r"amplitude\[1\]\n.*with which nothing moves"),
+        ({"amplitude": [20.0, 0.0]}, r"amplitude\[1\]\n.*which moves nothing"),
         ({"rates": {"u": 1000.0}}, r'rates\["u"\]\n.*1000 samples a second\n.*to 10, one at every time'),
         ({"rates": {"u": 0.01}}, r'rates\["u"\]\n.*0.01 samples a second'),
         ({"period": []}, "period"),
@@ -456,7 +456,7 @@ def test_what_is_no_table_prints_itself_in_words(posterior, record):
     )
     assert repr(SCHEDULE) == "Schedule: 120 samples over 11.9 s; n from 1000 to 1400 rpm"
     own = st.posterior_of_density(lambda values: values["a"], {"a": st.Normal(0.0, 1.0)})
-    assert repr(own) == "Posterior of a [1]; a log density of one's own"
+    assert repr(own) == "Posterior of a [1]; log density of the user"
     for one in (posterior, MODEL, SCHEDULE, record):
         assert one._repr_html_().startswith("<pre>")
     assert "&quot;trial&quot;" in record._repr_html_()

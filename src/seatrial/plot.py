@@ -1,6 +1,6 @@
 """Pictures of results in one call each: a result in, Matplotlib axes out, in the look of the report.
 
-Every function takes a result first: of one step or, but for the priors, the outcome of `run_loop`. It draws into `ax` where that is given:
+Every function takes a result first: of one step or, but for the priors, the outcome of `run_loop`. It draws into `ax` if that is given:
 one Axes, or as many as the function returns. Without it a figure of the right size is made, whose axes come back; `axes.figure` is the
 figure. Axes have names and SI units, but for propellers (rpm) and angles (deg).
 """
@@ -143,7 +143,7 @@ def posteriors(
     if priors is not None:
         check_priors(priors)
     if mode is not None:
-        check_kind(mode, Mode, "mode", "give what `find_mode` returned, or leave it out")
+        check_kind(mode, Mode, "mode", "give the result of `find_mode`, or leave it out")
     axes = _grid(ax, len(table), columns=3, height=128.0)
     for one, panel in zip(table, axes, strict=True):
         drawn = one.draws.ravel()
@@ -215,7 +215,7 @@ def pairs(
 
 
 def traces(result: Draws | Estimate | Outcome, names: Sequence[str] | None = None, *, ax: "Place" = None) -> np.ndarray:
-    """Draw the chains of each parameter, draw after draw: chains that have mixed cannot be told apart.
+    """Draw the chains of each parameter, draw after draw: chains that have mixed cannot be separated.
 
     Args:
         result: draws of `sample`, an estimate of a campaign, or an outcome, for its chosen structure.
@@ -351,7 +351,7 @@ def _table(result: Draws | Estimate, names: Sequence[str] | None) -> list[_Drawn
 
 
 def _true_values(truth: Mapping[str, float] | None, result: Draws | Estimate) -> dict[str, float]:
-    """Return true values by name, of the result's parameters and of coefficients that it does not have; none where none are given."""
+    """Return true values by name, of the result's parameters and of coefficients that it does not have; none if none are given."""
     known = check_numbers(truth, "truth", remedy='write for example {"X_uabsu": -3.0}')
     for name in known:
         if name not in result.names and not is_coefficient(name):
@@ -365,7 +365,7 @@ def _true_values(truth: Mapping[str, float] | None, result: Draws | Estimate) ->
 
 
 def _shape(name: str, priors: Mapping[str, Prior] | None, result: Draws | Estimate) -> PriorShape | None:
-    """Return the prior of a parameter as it is drawn; None where none is known."""
+    """Return the prior of a parameter as it is drawn; None if none is known."""
     if isinstance(result, Estimate):
         row = result.data.sel(parameter=name)
         lower, upper, mean, sd = (float(row[key]) for key in ("prior_lower", "prior_upper", "prior_mean", "prior_sd"))
@@ -384,7 +384,7 @@ def _shape(name: str, priors: Mapping[str, Prior] | None, result: Draws | Estima
 
 
 def _normal(name: str, mode: Mode | None, result: Draws | Estimate) -> tuple[float, float] | None:
-    """Return mode and standard deviation of the normal approximation; None where it is not known."""
+    """Return mode and standard deviation of the normal approximation; None if it is not known."""
     if isinstance(result, Estimate):
         row = result.data.sel(parameter=name)
         return float(row["mode"]), float(row["laplace_sd"])
@@ -419,14 +419,14 @@ def _curves(
 
 
 def _column(ax: "Place", heights: list[float], *, share_x: bool = False, **margins: float) -> "list[Axes]":
-    """Return a column of axes of these heights, points; those given where some are."""
+    """Return a column of axes of these heights, points; those given if some are."""
     if ax is not None:
         return _given(ax, len(heights))
     return _made(lambda figure: new_figure(WIDE, heights, share_x=share_x, figure=figure, **margins)[1])
 
 
 def _grid(ax: "Place", count: int, *, columns: int, height: float) -> "list[Axes]":
-    """Return axes in rows of so many columns; those given where some are."""
+    """Return axes in rows of so many columns; those given if some are."""
     if ax is not None:
         return _given(ax, count)
 

@@ -120,7 +120,7 @@ def check(search):
     [
         ("", "", relay_search, r"key autopilot.psi[^$]*self-oscillating test[^$]*same actuators"),
         ("", "", check(MeasureSearch(5)), r"key prior.process_v[^$]*process noise, with a comparison"),
-        ("", "", check(FreeFormSearch(4)), r"key limits.psi_set[^$]*a free form goes as far as it may"),
+        ("", "", check(FreeFormSearch(4)), r"key limits.psi_set[^$]*because a free form uses the whole range"),
         (
             "[design]",
             '[design]\ntogether = { delta_r = "2 deg" }',
@@ -144,7 +144,7 @@ def test_the_log_holds_what_the_autopilot_made_of_what_the_sensors_showed(tmp_pa
     bare = make_record(record.time, columns, channels, record.provenance, "bare")
     again = with_rebuilt_controls(made, bare)
     np.testing.assert_allclose(again.channel("delta_r"), record.channel("delta_r"), atol=1e-12)
-    assert "exact if the autopilot saw" in again.provenance.options["cautions"][-1]
+    assert "exact if the autopilot used" in again.provenance.options["cautions"][-1]
     rudder = record.channel("delta_r")
     assert np.abs(rudder).max() <= 13 * DEG + 1e-12
     assert (np.diff(rudder)[1::2] != 0).any()
@@ -256,7 +256,7 @@ def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
 
 
 def test_an_autopilot_that_no_change_of_one_gain_mends_is_at_fault_and_not_the_priors():
-    assert _advice(None, 1.0).startswith("the autopilot is unstable for the vehicle itself")
+    assert _advice(None, 1.0).startswith("the autopilot is unstable for all values of the priors")
     assert "narrow the priors" not in _advice(GainChange("psi", ("kp",), 2.0, 0.95), 1.0)
     assert "narrow the priors" in _advice(None, 0.3)
     turned = _advice(GainChange("psi", ("kp", "kd"), -1.0, 0.02), 1.0)

@@ -52,7 +52,7 @@ SLIPS = {
     "nothing before the point": (SEED, "seed = .5", "both sides of the decimal point"),
     "a colon for an equals sign": (SEED, "seed: 3", "write = after the key"),
     "a comment of another language": (SEED, "seed = 3 // mine", "#"),
-    "a path of Windows": (SEED, 'seed = "C:\\logs\\a.csv"', "in place of each"),
+    "a path of Windows": (SEED, 'seed = "C:\\logs\\a.csv"', "instead of each"),
     "true as Python writes it": (SEED, "seed = True", "small letters"),
     "a name without quotes": ('control = "n"', "control = n", "put text into quotes"),
     "a key of nothing": (SEED, "seed =", "write a value"),
@@ -135,7 +135,7 @@ ACTUATORS = {
     "lag = 1": (
         "lag",
         'a number with a unit like "s", as one string',
-        'write "1 s" or "1 ms" or "1 min", whichever is meant',
+        'write "1 s" or "1 ms" or "1 min", as intended',
     ),
 }
 

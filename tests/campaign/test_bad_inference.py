@@ -28,7 +28,7 @@ XU = '[prior.X_u]\ndistribution = "uniform"\nlower = -3.6\nupper = 1.2'
 UNUSABLE = {
     "lower = -1e308\nupper = 1e308": "a standard deviation of inf kg/s",
     "lower = -1e200\nupper = 0.0": "a standard deviation of 2.89e+199 kg/s",
-    "lower = -3.0\nupper = -2.9999999999999996": "it leaves nothing to estimate",
+    "lower = -3.0\nupper = -2.9999999999999996": "which leaves nothing to estimate",
 }
 UNGIVEN = {
     "bias_u": ('bias = "shared"', "", "sensors.u.bias"),

@@ -90,9 +90,9 @@ def test_the_sign_and_the_unit_of_a_channel(tmp_path, scale, code, told):
     assert (
         result.output.splitlines()[-1]
         == {
-            "1.0": "in all 0 alarms, 0 cautions: go on with `estimate`",
-            "-1.0": "in all 1 alarm, 0 cautions: correct what raises an alarm before anything is estimated",
-            "3.28084": "in all 0 alarms, 1 caution: look at each caution, then go on with `estimate`",
+            "1.0": "in all 0 alarms, 0 cautions: continue with `estimate`",
+            "-1.0": "in all 1 alarm, 0 cautions: correct each alarm before you estimate",
+            "3.28084": "in all 0 alarms, 1 caution: look at each caution, then continue with `estimate`",
         }[scale]
     )
     assert (tmp_path / "a" / "check-one.svg").read_text().endswith("</svg>\n")

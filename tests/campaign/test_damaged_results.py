@@ -68,7 +68,7 @@ def test_what_is_damaged_is_kept_aside_and_made_again(tmp_path, caplog, kind, na
         assert (tmp_path / f"result.{kind}.damaged{number}").exists()
         said = caplog.records[-1].getMessage()
         assert f"{path} is damaged (" in said
-        assert f"kept as result.{kind}.damaged{number}, and made again where it is needed" in said
+        assert f"kept as result.{kind}.damaged{number}, and made again when needed" in said
         assert usable(write(path))
 
 

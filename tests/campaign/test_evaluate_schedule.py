@@ -268,7 +268,7 @@ def test_what_goes_out_of_several_controls_is_said(tmp_path):
     path = write_own(Store(made.folder).schedule(Store(made.folder).own_design), both, "mine.csv")
     assert path.read_text().startswith("time_s,n_rpm,delta_r_deg\n")
     assert [one["control"] for one in json.loads(path.with_suffix(".json").read_text())["controls"]] == ["n", "delta_r"]
-    with pytest.raises(InputError, match="one control, which is all that an exported trial moves"):
+    with pytest.raises(InputError, match="one control, because an exported trial moves one"):
         read_trial(made.folder, "own")
     asked = Scheduled("both", "mine.csv", both)
     assert asked.as_plain()["controls"].keys() == {"n", "delta_r"}

@@ -313,7 +313,7 @@ def test_a_control_that_changes_smoothly_and_is_taken_as_held_is_told_once(tmp_p
         feed(session, smooth, speeds(TRUTH["X_uabsu"], TRUTH["T_nabsn"], smooth))
         told[between] = [note for note in session.notes.take() if 'between = "line"' in note]
     assert len(told["held"]) == 1
-    assert "change at nearly every sample are taken as held from each to the next: n;" in told["held"][0]
+    assert "change at nearly every sample are used as steps: n;" in told["held"][0]
     assert told["line"] == []
     session = Session(campaign, "simulated")
     feed(session, *trial(600))
@@ -489,7 +489,7 @@ def test_mavlink_over_udp_from_a_real_sender(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match="cannot be listened to"):
+        with pytest.raises(InputError, match="cannot be opened"):
             MavlinkUdp("127.0.0.1", port, ())
 
 

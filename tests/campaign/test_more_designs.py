@@ -49,7 +49,7 @@ def test_a_stated_prediction_is_known_better_by_the_design_that_serves_it(tmp_pa
     [
         ('utility = "fisher-c"', r"design.utility[^$]*without \[design.prediction\]"),
         ('per = "second"\nturnaround = "-5 s"', "design.turnaround"),
-        ('turnaround = "60 s"', r"design.turnaround[^$]*does not count it"),
+        ('turnaround = "60 s"', r"design.turnaround[^$]*does not use it"),
         ('per = "second"\nover = "worst"', "design.over"),
     ],
 )
@@ -69,7 +69,7 @@ def test_a_single_structure_has_nothing_to_be_told_apart(tmp_path):
     [
         ("second", "a free form", lambda campaign: design_free_trial(campaign, 6)),
         ("second", "a global search", lambda campaign: search_design(campaign, 60)),
-        ("second", "trials that are planned together", lambda campaign: plan_together(campaign, 2)),
+        ("second", "trials planned together", lambda campaign: plan_together(campaign, 2)),
         ("second", "a comparison of measures", lambda campaign: compare_measures(campaign, 5)),
         ("joule", "a global search", lambda campaign: search_design(campaign, 60)),
     ],

@@ -82,7 +82,7 @@ def test_priors_and_designs_are_told(monkeypatch, capsys, designed, tmp_path):
     assert code == Exit.OK
     assert "best design: repeated doublet" in out
     assert "expected precision of each coefficient" in out
-    assert out.endswith("add its log to this campaign: `seatrial check " + f"{tmp_path / 'boat'}` says how\n")
+    assert out.endswith("add its log to this campaign: `seatrial check " + f"{tmp_path / 'boat'}` explains how\n")
     assert "2 trials together" in out
     assert "u of noise" in out
     code, out, _ = run(monkeypatch, capsys, "export", tmp_path / "boat", "--trial")
@@ -100,7 +100,7 @@ def test_what_needs_a_record_says_what_is_missing(monkeypatch, capsys, tmp_path,
         monkeypatch.setattr("seatrial.campaign.design.sweep.design_first", lambda campaign, reporter: None)
     code, out, err = run(monkeypatch, capsys, command, folder, "--quiet")
     assert (code, out) == (Exit.BAD_INPUT, "")
-    assert "neither [import] nor [truth]: no trial has been run" in err
+    assert "neither [import] nor [truth], so there is no trial" in err
     assert "seatrial design" in err
     assert "seatrial inspect LOG --map" in err
 
@@ -132,9 +132,12 @@ def test_check_says_which_terms_may_be_one_and_that_a_start_is_not_held(monkeypa
     prior = ("[sensors.u]", '[prior.X_uu]\ndistribution = "uniform"\nlower = -1.0\nupper = 0.0\n\n[sensors.u]')
     write_without_data(tmp_path / "bad", fast, terms, prior)
     one, held = file_cautions(load_campaign(tmp_path / "bad"))
-    assert one.startswith("X_uabsu and X_uu differ only where u changes its sign")
+    assert one.startswith("X_uabsu and X_uu differ only when u changes its sign")
     low, high = map(
-        float, re.search(r"begins at 5 m/s, but n = 1200 rpm holds ([\d.]+) to ([\d.]+) m/s", held).groups()
+        float,
+        re.search(
+            r"begins at 5 m/s, but by 90 % of the prior n = 1200 rpm gives ([\d.]+) to ([\d.]+) m/s", held
+        ).groups(),
     )
     assert low < 1.5 < high < 5
     code, _, said = run(monkeypatch, capsys, "check", tmp_path / "bad")

@@ -77,7 +77,7 @@ def test_a_goal_out_of_reach_is_said_to_be(tmp_path):
     found = plan_trials(campaign(tmp_path, "sd = { X_u = 1e-4, T_nabsn = 1e-3 }\ntrials = 2"))
     assert found.chance == 0.0
     assert found.further is None
-    assert "change goals, sensors or designs" in "\n".join(plan_lines(found))
+    assert "Change goals, sensors or designs" in "\n".join(plan_lines(found))
     assert found.goals == {"X_u": 0.0, "T_nabsn": 1.0}
     assert found.without_goal["X_u"] == 1.0
 
@@ -114,7 +114,7 @@ def test_a_goal_is_for_the_noise_what_errors_of_stated_inputs_leave(tmp_path):
     shares = {"X_u": 0.13, "X_uabsu": 0.1}
     left = goal_of(replace(asked, goal=Goal(shares)))
     assert left.shares == pytest.approx({"X_u": 0.12, "X_uabsu": (0.01 - 0.0026) ** 0.5})
-    with pytest.raises(InputError, match=r"5 %, of which errors of stated inputs take 5 %"):
+    with pytest.raises(InputError, match=r"5 %, but errors of stated inputs already make 5 %"):
         goal_of(replace(asked, goal=Goal({"X_u": 0.05})))
 
 

@@ -127,9 +127,7 @@ def test_a_screening_has_the_prior_of_the_campaign(tmp_path):
 
 
 def test_mistakes_in_names_are_told_where_they_are(tmp_path):
-    with pytest.raises(
-        InputError, match=r"(?s)key truth.X_u.*remove X_u from \[truth\], or the rule that leaves it out"
-    ):
+    with pytest.raises(InputError, match=r"(?s)key truth.X_u.*remove X_u from \[truth\], or the rule that excludes it"):
         load_campaign(
             write_small(tmp_path / "never", ('optional = ["X_u"]', 'optional = ["X_u"]\nrules = ["never X_u"]'))
         )

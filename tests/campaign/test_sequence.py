@@ -122,7 +122,7 @@ def test_a_goal_of_trials_alone_is_met_once_they_are_run(tmp_path):
     for trials, more in ((run, False), (run + 1, True)):
         found = propose(with_goal(outcome, Goal(trials=trials)))
         assert (found.trial is not None) == more
-        assert ("all that [goal] asks for" in found.lines[-1]) != more
+        assert ("as [goal] requires" in found.lines[-1]) != more
 
 
 def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
@@ -132,12 +132,12 @@ def test_proposals_weigh_goal_doubt_and_gain(tmp_path):
     assert propose(met).lines[-1] == "stop: the goal is met: X_u to 900 %"
     failed = replace(outcome.chosen, alarms=("the chains disagree about X_u",))
     assert propose(replace(met, chosen=failed)).lines[-2:] == (
-        f"first correct what failed: {met.chosen.structure.label}: the chains disagree about X_u",
-        "no trial yet: a health check failed; run again once it is corrected",
+        f"first correct the failure: {met.chosen.structure.label}: the chains disagree about X_u",
+        "no trial yet: there is an alarm; run again after the correction",
     )
     hurried = propose(replace(outcome, chosen=failed))
     assert hurried.trial is not None
-    assert hurried.first[0].startswith("first correct what failed: ")
+    assert hurried.first[0].startswith("first correct the failure: ")
     assert hurried.first[0].endswith("the chains disagree about X_u")
     shaken = tuple(replace(one, status="in doubt") for one in outcome.selection.evidences)
     selection = replace(outcome.selection, evidences=shaken, alarms=("the evidence of M-0 is not reliable",))
@@ -175,7 +175,7 @@ def test_what_is_missing_stands_in_place_of_stop(tmp_path):
     outcome = replace(outcome, summary=replace(outcome.summary, quote=rows))
     told = propose(with_goal(outcome, example)).lines[-1]
     assert told.startswith(
-        "the goal is met: X_uabsu to 3 %; before you stop, state in [goal] how well you need to know it"
+        "the goal is met: X_uabsu to 3 %; before you stop, state the precision that you need in [goal]"
     )
     assert propose(with_goal(outcome, replace(example, trials=6))).lines[-1] == "stop: the goal is met: X_uabsu to 3 %"
 
@@ -186,15 +186,15 @@ def test_no_goal_is_met_by_standard_deviations_that_do_not_hold(tmp_path):
     slow = tuple(replace(fit, verdict=ENTRIES["residuals-correlated"].example) for fit in outcome.fits)
     found = propose(replace(outcome, fits=slow))
     assert found.trial is None
-    assert "only if the stated ± hold" in found.lines[-1]
+    assert "only if the ± is right" in found.lines[-1]
     assert ": run 1: residuals of u are correlated: " in found.lines[-1]
     assert "; likewise " in found.lines[-1]
-    assert "Its stated ± do not hold, and which terms are needed may change" in answer(replace(outcome, fits=slow))
-    assert "the model or its noise did not pass" in summary_section(replace(outcome, fits=slow))["passed"]
+    assert "Its ± is not reliable, and the needed terms may change" in answer(replace(outcome, fits=slow))
+    assert "the residuals contradict the model or its noise" in summary_section(replace(outcome, fits=slow))["passed"]
     assert summary_section(outcome)["passed"] == "No health check failed"
     unmet = propose(with_goal(replace(outcome, fits=slow), Goal(shares={"X_u": 1e-3})))
-    assert unmet.first[0].startswith("first correct what failed: run 1: residuals of u are correlated: ")
-    assert unmet.beside([unmet.quoted]).first == ("first correct what failed: see the caution about it",)
+    assert unmet.first[0].startswith("first correct the failure: run 1: residuals of u are correlated: ")
+    assert unmet.beside([unmet.quoted]).first == ("first correct the failure: see the caution about it",)
     assert unmet.beside(["another"]) is unmet
     rows = tuple(
         replace(row, sd=20 * abs(row.mean), shares=ErrorShares(0.19, 0.81), cause="the stated inertia along X")
@@ -222,8 +222,8 @@ def test_a_model_that_fails_on_held_back_runs_stops_the_sequence_and_takes_the_h
     outcome = replace(make_outcome(tmp_path), pooled=make_pooled(0.05))
     assert propose(outcome).trial is None
     stop = next(line for line in propose(outcome).lines if line.startswith("stop: "))
-    assert "the model fails where it was not fitted: " in stop
+    assert "the model fails on held-back runs: " in stop
     assert "Widen the bands" in stop
     headline = str(answer(outcome))
-    assert headline.startswith("The model fails on runs that it was not fitted to.")
+    assert headline.startswith("The model fails on held-back runs.")
     assert "Widen the bands" in headline

@@ -225,7 +225,7 @@ def test_the_true_lag_of_an_actuator_takes_the_place_of_the_stated_one(tmp_path)
     np.testing.assert_allclose(late(stated, "lag_tau_X = 1.0"), alone, atol=1e-7)
     np.testing.assert_allclose(late(stated, ""), late("", "lag_tau_X = 2.0"), atol=1e-7)
     assert np.abs(late(stated, "") - alone).max() > 0.1
-    with pytest.raises(InputError, match=r"truth.lag_tau_X[^$]*by \[vehicle.actuators\] it is late"):
+    with pytest.raises(InputError, match=r"truth.lag_tau_X[^$]*because \[vehicle.actuators\] has a lag"):
         late(stated, "lag_tau_X = 0.0")
 
 

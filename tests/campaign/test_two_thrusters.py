@@ -101,7 +101,7 @@ def test_the_cause_is_named_first_and_no_thruster_is_accused(tmp_path, changes, 
     assert f"the {first[2]} of " in statement(thrusters)
     assert not any(one.code == "rate-not-measured" for one in found.findings)
     failed = first[0] == "alarm"
-    assert ("correct what raises an alarm" in summary_line([found])) == failed
+    assert ("correct each alarm" in summary_line([found])) == failed
     assert any(one.values["check"] == "not-excited" for one in later) == failed
 
 
@@ -143,7 +143,7 @@ def test_a_mass_in_grams_makes_a_radius_of_gyration_that_no_vehicle_has(tmp_path
     output = CliRunner().invoke(app, ["check", str(tmp_path), "--quiet"]).output
     (line,) = [line for line in output.splitlines() if "I_zz" in line]
     assert (
-        "a radius of gyration of 5.38 m, and the farthest thruster is 0.25 m from the origin: 0.02 m to 2.5 m is expected"
+        "a radius of gyration of 5.38 m, and the most distant thruster is 0.25 m from the origin: 0.02 m to 2.5 m is expected"
         in line
     )
     write(tmp_path)

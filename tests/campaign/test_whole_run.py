@@ -228,4 +228,4 @@ def test_work_says_how_long_it_took_before(clock, tmp_path, monkeypatch, state, 
         with timed(flow, told, "estimates"):
             clock[0] += seconds
         monkeypatch.setattr(Workflow, "state", lambda *_: state)
-    assert lines == [f"about {seconds} s, by what this took before in this campaign" for seconds in said]
+    assert lines == [f"about {seconds} s, by its earlier time in this campaign" for seconds in said]

@@ -182,7 +182,7 @@ def test_another_dask_is_refused(cluster, joined, monkeypatch):
 
 def test_a_scheduler_that_is_not_there(monkeypatch):
     monkeypatch.setattr(dask_workers, "CONNECT", 0.5)
-    with pytest.raises(InputError, match=r"no scheduler that answers within 0\.5 s"):
+    with pytest.raises(InputError, match=r"no answer of a scheduler within 0\.5 s"):
         DaskWorkers("tcp://127.0.0.1:1", "tcp://127.0.0.1:1")
 
 

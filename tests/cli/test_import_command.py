@@ -120,7 +120,7 @@ def test_a_run_that_is_shorter_than_the_others_is_told(folder):
     assert "the files of some runs end before --end, so these runs end there: run 2 at 9.9 s" in told.output
     path = folder / "campaign.toml"
     path.write_text(path.read_text() + '\n[import.trim.2]\nend = "900 s"\n')
-    assert 'run 2, its files end at 9.9 s, before its end = "900 s": it ends with them' in run(folder).output
+    assert 'run 2, its files end at 9.9 s, before its end = "900 s", so it ends there' in run(folder).output
 
 
 def test_a_control_without_a_column_is_named_before_a_log_is_opened(folder):

@@ -152,7 +152,7 @@ def test_neither_a_link_nor_a_folder_turns_the_lock_off(tmp_path, name, put):
         return
     with pytest.raises(OSError, match=name) as error, occupying(folder):
         pass
-    assert "stands where a file should be" in file_error(error.value).remedy
+    assert "has the name of a needed file" in file_error(error.value).remedy
 
 
 def test_a_pipe_for_a_lock_still_locks(tmp_path):

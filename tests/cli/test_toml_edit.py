@@ -109,7 +109,7 @@ def test_a_key_is_found_however_it_is_written(text, key):
 
 @pytest.mark.parametrize("text", ["[limits]\nn = 3\n", "[[limits]]\nn = 3\n", "limits = 3\n"])
 def test_what_is_no_table_is_not_edited(text):
-    with pytest.raises(InputError, match="cannot be edited"):
+    with pytest.raises(InputError, match="cannot edit"):
         put(text, "limits.n.upper", "2 rpm")
 
 

@@ -166,7 +166,7 @@ def test_malformed_name_shows_the_place(text, character, found):
 
 @pytest.mark.parametrize("text", ["", "u", "X", "Xu", "x_u", "U_u", "_u", " X_u"])
 def test_unknown_axis(text):
-    with pytest.raises(InputError, match="where the axis stands") as caught:
+    with pytest.raises(InputError, match="instead of the axis") as caught:
         CoefficientName.parse(text)
     assert all(f"{axis}_" in caught.value.expected for axis in AXES)
 

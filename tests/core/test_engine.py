@@ -113,7 +113,7 @@ print(seatrial.load_campaign.__name__, jnp.ones(1).dtype)
 @pytest.mark.parametrize("use", [pytest.param("load_campaign", marks=pytest.mark.proof), "configure()"])
 def test_single_precision_that_is_asked_for_is_warned_of(tmp_path, use):
     code = f"import jax, seatrial; seatrial.{use}; assert not jax.config.jax_enable_x64"
-    assert "JAX_ENABLE_X64=0 has seatrial compute in single" in warning_of(code, tmp_path, JAX_ENABLE_X64="0")
+    assert "JAX_ENABLE_X64=0 sets single" in warning_of(code, tmp_path, JAX_ENABLE_X64="0")
 
 
 def test_options_that_come_too_late_are_said(tmp_path):

@@ -43,8 +43,8 @@ def test_an_extra_is_installed_from_the_checkout_or_the_wheel():
 @pytest.mark.parametrize(
     ("number", "words"),
     [
-        (errno.EROFS, "folder of your own"),
-        (errno.EACCES, "folder of your own"),
+        (errno.EROFS, "to your folder"),
+        (errno.EACCES, "to your folder"),
         (errno.ENOSPC, "free some space"),
         (errno.ENOENT, "moved or deleted"),
         (errno.ENOTDIR, "move it away"),

@@ -153,7 +153,7 @@ def test_a_record_has_a_channel():
 
 
 def test_infinite_and_complex_values_are_refused():
-    with pytest.raises(InputError, match=r'"u", sample 3\n.*inf at t = 0\.2 s\n.*NaN where nothing was measured'):
+    with pytest.raises(InputError, match=r'"u", sample 3\n.*inf at t = 0\.2 s\n.*NaN without a measurement'):
         record_of(**at(2, -np.inf))
     with pytest.raises(InputError, match='channel "u"'):
         record_of(u=np.sin(TIME) + 1j)

@@ -198,9 +198,9 @@ def test_what_would_be_computed_for_ever_is_refused_at_once(text):
 @pytest.mark.parametrize(
     ("text", "si", "remedy"),
     [
-        ("1500", "rad/s", 'write "1500 rpm" or "1500 deg/s" or "1500 rad/s", whichever is meant'),
-        (0.05, "m/s", 'write "0.05 m/s" or "0.05 kn", whichever is meant'),
-        ("0.3", "kg/m", 'write "0.3 kg/m", whichever is meant'),
+        ("1500", "rad/s", 'write "1500 rpm" or "1500 deg/s" or "1500 rad/s", as intended'),
+        (0.05, "m/s", 'write "0.05 m/s" or "0.05 kn", as intended'),
+        ("0.3", "kg/m", 'write "0.3 kg/m", as intended'),
         ("2 s", "rad", "to one of: deg, rad"),
     ],
 )

@@ -250,7 +250,7 @@ def test_an_import_that_is_written_in_one_line_is_left_to_a_text_editor(tmp_path
     from seatrial.dashboard.channel_map import with_map
 
     text = 'import = { fit = ["a"], files = [{ path = "a.csv", channels = {} }] }\n'
-    with pytest.raises(InputError, match="cannot be edited where it stands"):
+    with pytest.raises(InputError, match="a key that seatrial cannot edit"):
         with_map(tmp_path, text, "a", [{"path": "c.csv", "channels": {}}])
 
 
@@ -397,7 +397,7 @@ def test_a_log_is_what_its_columns_and_the_campaign_say(tmp_path):
     assert not there.is_saved([{**there.files[0], "clock": "even"}])
     there.label = "another run"
     assert not there.is_saved(there.files)
-    assert drafted("run_b.csv").replaced() == "Saving gives run b this map in the place of that of run_b.csv."
+    assert drafted("run_b.csv").replaced() == "Saving gives run b this map instead of that of run_b.csv."
     assert drafted("motor.csv").replaced() == ""
     only = drafted("dive.csv", "instead")
     assert only.replaced().startswith(

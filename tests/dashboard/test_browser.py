@@ -153,7 +153,7 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         page.get_by_text("Kept as logs/dive 1.csv").wait_for()
         assert page.get_by_role("alert").count() == 0
         page.locator("input[type=file]").set_input_files(log)
-        page.get_by_text("Kept as logs/dive 1.csv, in the place of the earlier log of that name").wait_for()
+        page.get_by_text("Kept as logs/dive 1.csv, instead of the earlier log of that name").wait_for()
 
         # By form: what is wrong is said in the row, what was typed stays, and nothing is written before it is checked.
         before = (folder / "campaign.toml").read_text()
@@ -177,7 +177,7 @@ def test_a_log_is_sent_mapped_cut_and_checked_by_keyboard(tmp_path, page):
         verdict = page.get_by_text(re.compile("Record dive_1: (pass|caution|alarm)")).first
         verdict.wait_for()
         page.goto(page.url.replace("/import", "/design"))
-        page.get_by_role("button", name="What the priors mean").click()
+        page.get_by_role("button", name="Motion under the priors").click()
         page.get_by_text("steady speed at").wait_for()
         page.goto(page.url.replace("/design", "/import"))
         verdict.wait_for()  # although another command was started since
@@ -232,8 +232,8 @@ def test_two_logs_with_clocks_of_their_own_are_lined_up_before_anything_is_saved
         page.get_by_text("The logs do not overlap").wait_for()
         page.get_by_role("button", name="Check and save this map").click()
         page.get_by_text("Nothing was written. The logs do not overlap").wait_for()
-        choose(page, "Column of the log that stays", "yaw_rate · logs/motor.csv")
-        choose(page, "Same quantity in the log that moves", "yaw_rate · logs/doppler.csv")
+        choose(page, "Column of the reference log", "yaw_rate · logs/motor.csv")
+        choose(page, "Same quantity in the shifted log", "yaw_rate · logs/doppler.csv")
         page.get_by_role("button", name="Line up by correlation").click()
         page.get_by_text("Correlation 1.000 with logs/doppler.csv shifted by -5000 s").wait_for()
         page.locator('[aria-label="All channels over time"] svg').wait_for()
@@ -312,9 +312,7 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
 
         choose(page, "A log in the campaign's folder", "logs/run_b.csv")
         page.get_by_role("button", name="Preview log").click()
-        page.get_by_text(
-            "Saving adds run run_b, to fit, with this map. Run run_a keeps the map that it has."
-        ).wait_for()
+        page.get_by_text("Saving adds run run_b, to fit, with this map. Run run_a keeps its map.").wait_for()
         assert page.get_by_label("Name of the run").input_value() == "run_b"
         page.get_by_role("button", name="Add it, held back to predict").click()
         page.get_by_text("Saved in campaign.toml: run_b is under predict").wait_for()
@@ -363,7 +361,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         assert page.get_by_label("n: upper").input_value() == "1600 rpm"
         assert [path.name for path in root.rglob("*")] == ["boat", "campaign.toml"]
 
-        page.get_by_role("button", name="What the priors mean").click()
+        page.get_by_role("button", name="Motion under the priors").click()
         page.get_by_alt_text("prior.svg").wait_for()
         page.get_by_role("button", name="Run the design").click()
         page.locator(".surface svg").wait_for()
@@ -434,7 +432,7 @@ def test_noise_and_terms_are_chosen_by_keyboard(tmp_path, page):
         unit.fill("kg/m")
         page.get_by_role("button", name="Check and save").press("Enter")
         page.get_by_text("Saved in campaign.toml").wait_for()
-        page.get_by_text("X_uabsu and X_uu differ only where u changes its sign").wait_for()
+        page.get_by_text("X_uabsu and X_uu differ only when u changes its sign").wait_for()
         content = tomllib.loads((folder / "campaign.toml").read_text())
         assert content["structure"] == {"always": ["X_uabsu", "T_nabsn"], "optional": ["X_uu"]}
         assert content["estimation"]["residuals"] == "coloured"
@@ -504,7 +502,7 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.get_by_label("campaign.toml, as TOML").fill(before.replace("upper = 1.2", "upper = 1.1"))
         path.write_text(before + "\n# by another hand\n")
         page.get_by_role("button", name="Check and save").click()
-        assert "Somebody changed the file since you began" in page.get_by_role("alert").inner_text()
+        assert "The file was changed after you began" in page.get_by_role("alert").inner_text()
         assert path.read_text().endswith("# by another hand\n")
         page.get_by_role("button", name="Show the difference").click()
         page.get_by_text('"Check and save" now writes your text').wait_for()

@@ -47,6 +47,6 @@ def test_a_value_that_cannot_be_is_told_by_its_option(command, name, value, expe
 
 @pytest.mark.parametrize("value", ["../x", "/etc/passwd", "a;b", "--json", "$HOME", "a\nb", ""])
 def test_a_page_passes_on_neither_paths_nor_other_options(tmp_path, value):
-    with pytest.raises(InputError, match="characters that a page does not pass on"):
+    with pytest.raises(InputError, match="characters that a page refuses"):
         Jobs().start(tmp_path, "simulate", f"--label={value}")
     assert list(tmp_path.iterdir()) == []

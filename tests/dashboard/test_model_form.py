@@ -60,7 +60,7 @@ def test_terms_change_their_places_and_new_ones_get_priors(tmp_path):
         ("prior.X_uu.unit", "g/cm"),
     )
     text, (caution,) = edited(str(tmp_path), COMMENTED, answers)
-    assert caution.startswith("X_uabsu and X_uu differ only where u changes its sign")
+    assert caution.startswith("X_uabsu and X_uu differ only when u changes its sign")
     content = tomllib.loads(text)
     assert content["structure"] == {"always": ["X_uabsu", "T_nabsn", "X_u"], "optional": ["X_uu"]}
     assert content["prior"]["X_uu"] == {"distribution": "uniform", "lower": -2, "upper": 0.0, "unit": "g/cm"}

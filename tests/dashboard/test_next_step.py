@@ -41,7 +41,7 @@ ALL = ("design", "import", *AFTER)
         (steps("import", stale=["import"], design=False), None, "Import the records again", "import"),
         (steps("import", ["import"], design=False), None, "Check the records", "import"),
         (steps("import", ["import"], design=False), check(is_current=False), "Check the records again", "import"),
-        (steps("import", ["import"], design=False), check("alarm"), "Correct what the checks found", "import"),
+        (steps("import", ["import"], design=False), check("alarm"), "Correct the findings of the checks", "import"),
         (steps("import", ["import"], design=False), check("caution"), "Run the campaign: it estimates", "run"),
         (
             steps("import", ["import", "estimate"], design=False),
@@ -52,7 +52,7 @@ ALL = ("design", "import", *AFTER)
         (steps("import", ALL, design=False)[:-1] + steps("import")[-1:], check(), "Write the report", "run"),
         (steps("import", ["import", "estimate"], AFTER[1:]), None, "select, predict, next and report do not", "run"),
         (steps("import", ALL, alarms=["estimate"]), None, "Read the alarms", "results"),
-        (steps("import", ALL), None, "Read the results, and run the trial", "results"),
+        (steps("import", ALL), None, "Read the results, and run the proposed trial", "results"),
     ],
 )
 def test_the_first_step_that_is_not_current_is_next(states, checked, words, view):

@@ -224,7 +224,7 @@ channels.u = { column = "dvl_vx", unit = "m/s" }
 
 def test_campaigns_that_were_not_run_are_named_with_a_link(tmp_path):
     alone = nothing_beside([], tmp_path)
-    assert "Serve a folder that holds several" in alone
+    assert "Serve a folder that contains several" in alone
     html = nothing_beside(["W2", "W3"], tmp_path)
     assert "has results of <code>seatrial run</code> yet" in html
     assert html.count('href="/run?campaign=W') == 2
@@ -280,7 +280,7 @@ def test_what_is_compared_stands_in_one_panel_above_the_channels():
     ]
     words = span_words(about)
     assert "b.csv: 0 s to 9 s" in words
-    assert "The record: 0 s to 8 s, where every control is known and something is measured." in words
+    assert "The record: 0 s to 8 s, with all controls and a measurement." in words
 
 
 def test_of_two_answers_for_one_part_of_a_page_the_last_is_shown():

@@ -41,7 +41,7 @@ def test_no_folder_and_no_port(monkeypatch, capsys, tmp_path):
         port = taken.getsockname()[1]
         code, out, err = run(monkeypatch, capsys, "serve", tmp_path / "new", "--no-browser", "--port", port)
     assert code == Exit.BAD_INPUT
-    assert "new was not there: it was made, for new campaigns" in out
+    assert "new did not exist and was made, for new campaigns" in out
     assert (tmp_path / "new").is_dir()
     assert "--port" in err
     assert "Traceback" not in err

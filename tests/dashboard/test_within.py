@@ -29,7 +29,7 @@ def test_the_server_keeps_all_it_starts_to_what_it_serves(tmp_path, monkeypatch,
     serve(tmp_path / "served", "127.0.0.1", 0, None, browser=False)
     serve(tmp_path / "served", "127.0.0.1", 0, None, browser=False, also=[tmp_path / "records"])
     assert kept == [f"{tmp_path}/served", f"{tmp_path}/served\n{tmp_path}/records"]
-    assert f"read files below {tmp_path}/served and {tmp_path}/records only" in capsys.readouterr().out
+    assert f"read only files below {tmp_path}/served and {tmp_path}/records" in capsys.readouterr().out
 
 
 def test_the_server_leaves_the_loggers_of_others_alone(tmp_path, monkeypatch):

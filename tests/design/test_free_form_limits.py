@@ -120,7 +120,7 @@ def test_status_counts_starts_that_end_alike_and_those_that_did_not_settle():
     said = _status(outcomes[0], outcomes)
     assert said.startswith("5.000 nats from a; 2 of 4 starts end within")
     assert "the worst 1.000 below" in said
-    assert said.endswith("had not settled from c: more steps may help")
+    assert said.endswith("has not converged from c: more steps may help")
     assert _status(outcomes[0], outcomes[:1]) == "5.000 nats from a"
 
 

@@ -258,7 +258,8 @@ def test_pair_that_conflicts():
     assert "no design of 3" in told
     assert "u at most 1.2 m/s excludes 2" in told
     assert (
-        "u at most 1.2 m/s and advance at least 30 m conflict: alone they leave 1 and 2 designs, together none" in told
+        "u at most 1.2 m/s and advance at least 30 m conflict: separately they leave 1 and 2 designs, together none"
+        in told
     )
     assert f"is missed by {least_miss(found, 1, (0,))[0]:.3g} m by design 0" in told
     assert f" or widen u at most 1.2 m/s by {least_miss(found, 0, (1,))[0]:.3g} m/s or more" in caught.value.remedy
@@ -300,7 +301,7 @@ def test_three_limits_of_which_every_two_leave_designs():
     found = Safety((*WIDE, MotionLimit("advance", upper=9.0)), 0.95, room, np.zeros(3, int))
     with pytest.raises(InputError, match="every two limits leave designs") as caught:
         check_some_allowed(found)
-    assert "beside all others advance at most 9 m is missed by 0.75 m by design 2" in caught.value.found
+    assert "with all others advance at most 9 m is missed by 0.75 m by design 2" in caught.value.found
 
 
 def refuse(*limits, controls=STEPS, draws=None, plan=PLAN, **asked):
@@ -323,7 +324,7 @@ def test_states_that_the_vehicle_lacks():
     ("limits", "asked", "words"),
     [
         (WIDE, {"probability": 1.0}, "1"),
-        (WIDE, {"draws": drag_draws(58)}, "58 draws: if every limit held in all of them, that would show a probability of 0.9497"),
+        (WIDE, {"draws": drag_draws(58)}, "58 draws, which show at most a probability of 0.9497"),
         (WIDE, {"draws": np.ones((59, 2))}, "shape (59, 2)"),
         (WIDE, {"controls": STEPS[:, :-1]}, "shape (3, 119, 1)"),
         (WIDE, {"controls": np.where(STEPS > 10, np.nan, STEPS)}, "no finite number in row 2"),

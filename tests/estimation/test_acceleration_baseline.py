@@ -74,7 +74,7 @@ def test_what_cannot_be_fitted_says_why():
     ship = acceleration_baseline(sway_yaw(*TERMS))
     with pytest.raises(InputError, match="there is no run to fit"):
         ship.fit([], ["r"], [])
-    with pytest.raises(InputError, match="the vehicle shows none of the channels u"):
+    with pytest.raises(InputError, match="the vehicle has none of the channels u"):
         ship.fit([record], ["u"], [])
     surge = acceleration_baseline(paper_model(*TRUTH))
     with pytest.raises(InputError, match='u, which the equations need, has 0 measured samples in run "run 0"'):

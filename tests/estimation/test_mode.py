@@ -415,7 +415,7 @@ def test_a_curvature_that_no_equation_can_be_solved_with_ends_the_search_in_word
     def expand_at(z):
         return SimpleNamespace(value=float(z[0]), gradient=np.array([1.0, 0.0, 0.0]), hessian=-singular)
 
-    with pytest.raises(NumericalError, match="curvature breaks down near"):
+    with pytest.raises(NumericalError, match="curvature is not finite near"):
         maximise(expand_at, np.zeros(3), str)
 
 

@@ -231,7 +231,7 @@ def test_golden_log_likelihood():
 
 
 def test_trials_of_the_same_label():
-    with pytest.raises(InputError, match="a label of its own"):
+    with pytest.raises(InputError, match="a different label for each"):
         output_error(paper_model(), [trial(), trial()], ["u"], [(U0,)] * 2, free_initial=True)
 
 

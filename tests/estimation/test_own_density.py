@@ -147,8 +147,8 @@ def test_the_same_seed_gives_the_same_bits(posterior):
     [
         (lambda p: p["mean"] * jnp.ones(3), "a result of shape (3,)"),
         (lambda p: p["slope"], "a parameter 'slope' without a prior"),
-        (lambda p: float(np.sin(p["mean"])), "use jax.numpy in place of numpy"),
-        (lambda p: p["mean"] if p["mean"] > 0 else 0.0, "jnp.where in place of if"),
+        (lambda p: float(np.sin(p["mean"])), "use jax.numpy instead of numpy"),
+        (lambda p: p["mean"] if p["mean"] > 0 else 0.0, "jnp.where instead of if"),
     ],
 )
 def test_a_density_that_cannot_be_used_is_refused(log_density, words):

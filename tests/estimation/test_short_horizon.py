@@ -45,7 +45,7 @@ def test_what_leaves_its_course_is_forecast_until_errors_have_grown():
     assert near.one_step > near.one_step_held
     assert growth_rate(SURGE, {"X_u": 0.8, "X_tau_X": 1.0}, record) == pytest.approx(0.8)
     text = horizon_text(near, "u", 0.8, 89.9)
-    assert "so controls do not suffice to predict 90 s: a small error grows by e in 1.2 s (eigenvalue +0.8 1/s)" in text
+    assert "so controls do not determine 90 s: a small error grows by e in 1.2 s (eigenvalue +0.8 1/s)" in text
     assert "over 2 s" in text
 
 

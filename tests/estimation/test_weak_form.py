@@ -133,7 +133,7 @@ def test_windows_that_cannot_be_had():
     ("arguments", "words"),
     [
         (("Q", ("Q_n",)), "X, Y, Z, K, M, N"),
-        (("N", ()), "no term whose coefficient is sought"),
+        (("N", ()), "no term with an estimated coefficient"),
         (("N", ("N_r", "Y_r")), 'axis "Y"'),
         (("N", ("N_rabsv", "N_absvr")), "the same regressor as N_rabsv"),
         (("X", ("X_u", "X_udot")), "the acceleration that the equation is solved for"),

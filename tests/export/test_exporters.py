@@ -122,7 +122,7 @@ def test_unknown_targets_and_options_are_refused():
     for density in (-3, "heavy", float("nan")):
         with pytest.raises(InputError, match=r"stonefish, density\n.*\n.*above 0"):
             make_exporter("stonefish", density=density)
-    with pytest.raises(InputError, match="no named coefficient"):
+    with pytest.raises(InputError, match="without named coefficients"):
         of_published("remus100_fossen", load_vehicle("remus100_fossen"))
 
 
@@ -203,7 +203,7 @@ def test_a_target_that_runs_away_is_said_to(monkeypatch):
         def carries(self, vehicle):
             return make_exporter("json").carries(with_terms(vehicle, X_uabsu=500.0))._replace(lost=("drag",))
 
-    assert "u runs away in the target" in loss_words(state(Wild(), vehicle, PROVENANCE).loss)
+    assert "u diverges in the target" in loss_words(state(Wild(), vehicle, PROVENANCE).loss)
 
 
 @pytest.mark.parametrize("name", EXPORTERS)

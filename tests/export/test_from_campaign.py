@@ -96,7 +96,7 @@ def test_the_rest_comes_from_a_published_vehicle(tmp_path):
         else:
             assert vehicle.coefficients[name] == value
     said = " ".join(provenance.sources)
-    assert "remus100_prestero left out, since they act in the campaign's own motion: X_0" in said
+    assert "remus100_prestero left out, because they act in the motion of the campaign: X_0" in said
     assert vehicle.hull.thrust_deduction == 0.1
     with pytest.raises(InputError, match=r"a mass of 13\.5 kg") as error:
         of_campaign(folder, rest="bluerov2_heavy")
@@ -126,7 +126,7 @@ def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(tmp
     for rest in (None, "remus100_prestero"):
         vehicle, provenance = of_campaign(folder, rest=rest)
         assert vehicle.hull.tether == Tether((-0.7, 0.0, 0.1), pytest.approx(mean["tether_linear"]), 3.0)
-        assert f"net_weight = {mean['net_weight']:.4g} was found and is not in this export" in provenance.cautions
+        assert f"net_weight = {mean['net_weight']:.4g} was estimated and is not in this export" in provenance.cautions
         assert not any("tether" in line for line in provenance.cautions)
 
 

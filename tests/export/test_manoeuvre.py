@@ -212,7 +212,7 @@ def test_changes_are_the_largest_differences_of_what_moves():
 def test_changes_in_words():
     assert _change_words(MotionChange("u", "m/s", 0.5, 2.0)) == "u by 0.5 m/s (25% of its range)"
     assert _change_words(MotionChange("w", "m/s", 0.5, 0.0)) == "w by 0.5 m/s (its range is 0)"
-    assert _change_words(MotionChange("r", "rad/s", np.inf, 1.0)) == "r runs away in the target"
+    assert _change_words(MotionChange("r", "rad/s", np.inf, 1.0)) == "r diverges in the target"
     few = [MotionChange("u", "m/s", 1e-12, 2.0), MotionChange("v", "m/s", 0.1, 2.0)]
     assert loss_words(few) == "v by 0.1 m/s (5% of its range)"
     assert loss_words(few[:1]) == "none"

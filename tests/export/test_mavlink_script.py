@@ -393,7 +393,7 @@ def test_what_pushes_without_the_control_does_not_count(gain):
 def test_a_control_without_a_stick_is_refused(control):
     axis = control[-1] if control.startswith("tau") else "X"
     model = axes_vehicle("test", [axis_equation(axis, (f"{axis}_{control}",), inertia=5.0)]) if axis != "X" else None
-    with pytest.raises(InputError, match="for which a stick stands: n, tau_X, tau_Y, tau_Z, tau_N, delta_r, delta_s"):
+    with pytest.raises(InputError, match="with a stick: n, tau_X, tau_Y, tau_Z, tau_N, delta_r, delta_s"):
         stick_of(model, {f"{axis}_{control}": 1.0}, control, np.array([0.0, 1.0]), {})
 
 

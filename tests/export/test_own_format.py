@@ -50,7 +50,7 @@ BROKEN = {
     "another format": ({"format": 2}, "format 2"),
     "no format": ({"format": None}, "no format number"),
     "no body": ({"body": {}}, "KeyError"),
-    "a boolean": ({"coefficients": [{"name": "X_u", "value": True, "unit": "kg/s"}]}, "True where a number"),
+    "a boolean": ({"coefficients": [{"name": "X_u", "value": True, "unit": "kg/s"}]}, "True instead of a number"),
     "another unit": ({"coefficients": [{"name": "X_u", "value": -1.0, "unit": "N"}]}, 'unit "N"'),
     "an unknown name": ({"coefficients": [{"name": "X_foo", "value": -1.0, "unit": "N"}]}, "X_foo"),
     "no list": ({"coefficients": 3}, "TypeError"),

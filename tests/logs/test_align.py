@@ -116,7 +116,7 @@ def test_measurements_that_meet_are_averaged_and_a_heading_goes_on_over_the_turn
     np.testing.assert_allclose(record.channel("u")[:20], means)
     np.testing.assert_allclose(record.channel("psi")[:20], pi + 0.005 * (means - 50.5), atol=1e-12)
     assert np.ptp(heading) > 6
-    assert "instants hold the mean of two or more" in record.provenance.options["notes"][1]
+    assert "instants have the mean of two or more" in record.provenance.options["notes"][1]
 
 
 def test_a_measurement_midway_makes_no_mean_late(tmp_path):
@@ -233,7 +233,7 @@ def test_a_control_faster_than_the_grid_is_averaged(tmp_path):
         column(tmp_path, "speed.csv", [f"{t:.9f}" for t in grid], "u", grid, "measurement"),
     ]
     record = align([read_log_table(log) for log in logs], step=0.1)
-    assert record.provenance.options["notes"][0] == "tau_X: 100 instants hold the mean of what was held until the next"
+    assert record.provenance.options["notes"][0] == "tau_X: 100 instants have the mean of the value held until the next"
     for i in (0, 7, 60):
         fine = grid[i] + 1e-5 * (np.arange(10000) + 0.5)
         held = values[np.searchsorted(time, fine, side="right") - 1]
@@ -255,7 +255,7 @@ def test_a_hole_has_instants_of_the_usual_spacing(tmp_path):
     assert not np.isfinite(record.channel("u")[hole]).any()
     assert (record.channel("tau_X")[hole] == 20.0).all()
     (said,) = record.provenance.options["cautions"]
-    assert said.startswith("no sample of tau_X, u from 2.00 s to 5.00 s, though one comes every 0.1 s")
+    assert said.startswith("no sample of tau_X, u from 2.00 s to 5.00 s, but usually one every 0.1 s")
     assert "simulated across it with the last value of tau_X" in said
     assert 'end = "2 s" in [import.trim.RUN]' in said
 

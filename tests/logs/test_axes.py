@@ -158,7 +158,7 @@ def test_a_heading_that_disagrees_with_the_yaw_rate_is_told():
     for wrong, told in ((np.radians, "0.0175 times"), (np.negative, "-1 times")):
         columns = {"psi": wrong(np.unwrap(compass.columns["psi"]))}
         (found,) = to_body([nav, replace(compass, columns=columns)], only("u", "r"))
-        assert f'channel "psi" of compass: it turns {told} as fast as r of nav says' in found.cautions[0]
+        assert f'channel "psi" of compass: it turns {told} as fast as r of nav' in found.cautions[0]
 
 
 def test_a_heading_too_slow_to_turn_velocities_by_is_told():
@@ -203,8 +203,8 @@ def test_a_gyro_that_turns_otherwise_than_the_attitude_is_doubted(tmp_path, what
 @pytest.mark.parametrize(
     ("order", "signs", "told"),
     [
-        ("xyzw", (1, 1, 1, 1), "hold x, y, z and w"),
-        ("zwxy", (1, 1, 1, 1), "hold z, w, x and y"),
+        ("xyzw", (1, 1, 1, 1), "are x, y, z and w"),
+        ("zwxy", (1, 1, 1, 1), "are z, w, x and y"),
         ("wxyz", (1, -1, -1, -1), "scale = -1 for q_x, q_y and q_z"),
     ],
 )

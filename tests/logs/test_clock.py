@@ -93,7 +93,7 @@ def test_even_clock_is_even_between_the_holes(seed):
     truth, arrival = without(*bursts(seed), 1200, 8.0)
     time, notes = even_clock(arrival)
     assert np.max(np.abs(time - truth)) < 2e-3
-    assert "in each of 2 stretches, between which rows are lost: period 0.02 s" in notes[0]
+    assert "in each of 2 stretches, separated by lost rows: period 0.02 s" in notes[0]
 
 
 REPEATED = "t,rpm,speed\n0,1,1\n0.1,1,2\n0.1,1,3\n0.1,1,4\n0.2,1,5\n0.3,1,6\n"

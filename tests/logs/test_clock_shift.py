@@ -69,7 +69,7 @@ def test_a_motion_that_repeats_names_another_shift():
 def test_what_never_moves_has_no_shift():
     time = np.arange(0, 10, 0.1)
     for flat in (np.ones(100), np.full(100, np.nan)):
-        with pytest.raises(InputError, match="second curve to line up"):
+        with pytest.raises(InputError, match="second curve to align"):
             shift_between(Samples(time, turning(time)), Samples(time, flat))
 
 

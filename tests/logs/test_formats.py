@@ -332,7 +332,7 @@ def test_no_log_at_all(tmp_path):
         with pytest.raises(InputError, match="an empty file"):
             catalogue(LogFile(path))
         path.write_bytes(b"words of no format, though long enough to hold a header of it\n" * 9)
-        with pytest.raises(InputError, match="does not begin as"):
+        with pytest.raises(InputError, match="without the first bytes of"):
             catalogue(LogFile(path))
 
 

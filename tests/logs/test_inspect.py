@@ -270,7 +270,7 @@ def test_guesses_by_name_and_unit(tmp_path, name):
 
 def test_where_nothing_can_be_guessed_it_is_said_what_was_sought(tmp_path):
     said = inspect_log(written(tmp_path, "time,a,b\n" + "".join(f"{k},{k},{k % 7}\n" for k in range(20)))).lines()
-    assert "no column could be guessed. Sought were speeds" in said[-3]
+    assert "no column could be guessed, of speeds" in said[-3]
     assert "`--map`" in said[-2]
 
 
@@ -451,7 +451,7 @@ def test_a_clock_of_any_name_is_guessed_and_the_columns_beside_it(tmp_path, cloc
     assert (table.clock.name, table.clock.unit, table.clock.is_named) == (clock, unit, False)
     assert table.clock.rate == pytest.approx(20.0, rel=1e-3)
     lines = "\n".join(found.lines())
-    assert "guessed, as it rises in every row, most evenly: check the column, and its unit" in lines
+    assert "guessed, because it rises in every row, most evenly: check the column, and its unit" in lines
     (block,) = tomllib.loads(found.as_toml())["import"]["files"]
     assert block["time"] == {"column": clock, "unit": unit}
     guessed = {guess.channel: (guess.column, guess.unit) for guess in best(found.guesses)}
@@ -466,7 +466,7 @@ def test_a_clock_of_any_name_is_guessed_and_the_columns_beside_it(tmp_path, cloc
     }
     reasons = {guess.channel: guess.reason for guess in found.guesses}
     assert reasons["z"].endswith("its unit by the name")
-    assert "as 57 m/s is beyond any vehicle" in reasons["v"]
+    assert "as 57 m/s is too fast for a vehicle" in reasons["v"]
 
 
 def test_without_any_clock_the_columns_of_a_single_table_are_guessed(tmp_path):
@@ -544,7 +544,7 @@ def test_a_map_names_the_columns_that_nothing_uses(tmp_path):
     path = written(tmp_path, "t,speed,thrust_crmd,wind,battery\n" + rows)
     said = inspect_log(path).as_toml()
     assert (
-        "# No channel uses these columns; give a line to each that the model needs:\n#   thrust_crmd  3 to 7; mean 5"
+        "# No channel uses these columns; add a line for each that the model needs:\n#   thrust_crmd  3 to 7; mean 5"
         in said
     )
     assert "#   wind         0 to 2;" in said
@@ -627,7 +627,7 @@ def test_clocks_that_do_not_meet_are_told_with_the_shift_where_both_logs_hold_a_
         "the clocks do not meet: its first stamp is 1.7e+09 s before that of a.csv"
         in LogsTogether((a, b)).lines()[1][-1]
     )
-    assert "no quantity that both logs hold tells the shift" in LogsTogether((a, c)).lines()[1][-1]
+    assert "no quantity in both logs gives the shift" in LogsTogether((a, c)).lines()[1][-1]
     assert "shift" not in tomllib.loads(LogsTogether((a, c)).maps()[1])["import"]["files"][0]
     assert LogsTogether((a, a)).lines()[1] == a.lines()
 

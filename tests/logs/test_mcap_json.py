@@ -149,5 +149,5 @@ def test_messages_in_another_encoding_are_listed_as_such(tmp_path):
     path = json_mcap(tmp_path / "recorder.mcap", voyage()[:20], "")
     path.write_bytes(path.read_bytes().replace(b"\x04\x00\x00\x00json", b"\x04\x00\x00\x00cbor"))
     assert {table.trouble for table in catalogue(LogFile(path))} == {
-        'messages in the encoding "cbor", where JSON is read'
+        'messages in the encoding "cbor"; only JSON is read'
     }

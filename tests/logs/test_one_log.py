@@ -78,7 +78,7 @@ def made(shaft, stamps=1.7e9, **stated):
 def test_a_measured_control_of_own_columns_is_a_line_between_its_samples():
     """The mean of a sine over each step by its integral: trapezia miss it by a millionth, held samples by half a step."""
     with pytest.warns(
-        UserWarning, match=r'control n: it changes.*between=\{"n": "line"\}.*between=\{"n": "held"\}'
+        UserWarning, match=r'control n: it looks measured.*between=\{"n": "line"\}.*between=\{"n": "held"\}'
     ) as warned:
         record = made(SHAFT)
     assert warned[0].filename == __file__
@@ -106,7 +106,9 @@ def test_a_measured_control_of_a_log_is_a_line_between_its_samples(tmp_path):
     rows = (f"{0.1 * k:.1f},{n!r},{1.5 + 0.001 * k!r}" for k, n in enumerate(SHAFT.tolist()))
     (tmp_path / "log.csv").write_text("t,n,u\n" + "\n".join(rows) + "\n")
     asked = tmp_path / "log.csv", {"n": ("n", "rad/s"), "u": ("u", "m/s")}, ["n"]
-    with pytest.warns(UserWarning, match=r'control n: it changes.*between=\{"n": "line"\} in read_log') as warned:
+    with pytest.warns(
+        UserWarning, match=r'control n: it looks measured.*between=\{"n": "line"\} in read_log'
+    ) as warned:
         record = st.read_log(*asked, time=("t", "s"))
     assert warned[0].filename == __file__
     stated = st.read_log(*asked, time=("t", "s"), between={"n": "line"})

@@ -98,4 +98,4 @@ def test_ship_log_with_too_few_digits():
         read_log_table(LogSource(path, "c1", "s", channels, names=names, delimiter="\t", skip_rows=3))
     table = read_log_table(LogSource(path, "c1", "s", channels, "even", names=names, delimiter="\t", skip_rows=3))
     assert np.diff(table.time).mean() == pytest.approx(0.1353, rel=2e-3)
-    assert any("rows at the end have no cell filled" in note for note in table.notes)
+    assert any("empty rows at the end" in note for note in table.notes)

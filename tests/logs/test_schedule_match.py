@@ -69,7 +69,7 @@ def test_two_controls_agree_on_one_start():
     ("made", "said"),
     [
         (lambda: logged(12.0, gain=60 / (2 * np.pi)), "rpm read as rad/s"),
-        (lambda: logged(12.0, gain=-1.0), "the opposite of what mine.csv commands"),
+        (lambda: logged(12.0, gain=-1.0), "the opposite of the commands of mine.csv"),
         (lambda: logged(500.0, noise=1.0), "no stretch in which n moves as in mine.csv"),
         (lambda: record({"delta_r": np.zeros(1600)}, np.arange(1600) * LOGGED), "one that mine.csv moves: n"),
     ],
@@ -81,4 +81,4 @@ def test_what_is_no_log_of_the_trial_is_refused(made, said):
 
 def test_a_control_that_hardly_follows_is_told():
     found = match_schedule(logged(12.0, lag=4.0), TIME, {"n": COMMANDED}, "mine.csv")
-    assert "did not follow what was commanded well" in found.cautions[0]
+    assert "did not follow the command well" in found.cautions[0]

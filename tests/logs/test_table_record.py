@@ -60,7 +60,7 @@ def test_a_control_that_was_measured():
 
 
 def test_a_unit_that_the_name_contradicts():
-    with pytest.warns(UserWarning, match='its name says "kn"'):
+    with pytest.warns(UserWarning, match='by its name "kn"'):
         record = st.record(TABLE, "t", **ASKED | {"u": ("SOG_kn", "m/s")})
     assert "SOG_kn" in record.cautions[0]
 

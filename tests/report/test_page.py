@@ -213,11 +213,11 @@ def test_a_probability_of_a_model_stands_once_and_the_average_beside_the_chosen_
 
 def test_the_page_says_where_a_predicted_run_starts(outcome, html):
     assert (
-        "the start of a fitted run is fitted to the whole of that run, that of a held-back run to its first sample"
+        "the start of a fitted run is fitted to the whole of that run, that of a held-back run only to its first sample"
         in html
     )
     estimation = outcome.campaign.estimation
-    for initial, said in (("trim", "beginning at the trim"), ("measured", "its first sample only")):
+    for initial, said in (("trim", "from the trim"), ("measured", "its first sample")):
         changed = replace(
             outcome, campaign=replace(outcome.campaign, estimation=estimation.model_copy(update={"initial": initial}))
         )
@@ -273,10 +273,10 @@ def test_what_need_not_be_seen_at_first_is_folded(outcome, html, tmp_path):
     seen, _ = part(told, "parameters", "method").split(" in detail: delay, noise")
     assert "<code>sigma_u</code>" in seen  # what is flagged is never folded away
 
-    assert "The best design, should another trial be run" not in html
+    assert "The best design, if another trial is run" not in html
     stopped = render(make_outcome(tmp_path, gain=0.01))
     following = part(stopped, "next", "parameters")
-    assert following.index("The best design, should another trial be run</summary>") < following.index("<svg")
+    assert following.index("The best design, if another trial is run</summary>") < following.index("<svg")
     is_settled = outcome.selection.is_settled
     assert ("How the two most probable models differ</summary>" in html) == is_settled
 
@@ -468,11 +468,11 @@ def test_a_campaign_in_which_nothing_was_scored_says_so(tmp_path):
 def test_a_model_beside_simpler_ones(html, tmp_path):
     said = html[html.index('id="fit"') : html.index('id="next"')]
     assert "the model predicts u better than every baseline" in said
-    table = said[said.index("<summary>Comparison with simpler models") :]
+    table = said[said.index("<summary>Comparison with baselines") :]
     assert table[: table.index("</table>")].count("<tr") == 4
     assert "Not fitted: nomoto; no yaw rate r is among the channels &lt;script&gt;" in said
     alone = render(replace(make_outcome(tmp_path / "alone"), baselines=None, compared=()))
-    assert "No run is held back, so no simpler model could be compared." in alone
+    assert "No run is held back, so no baseline could be compared." in alone
 
 
 def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path):
@@ -486,9 +486,7 @@ def test_the_headline_tells_a_model_that_is_beaten_from_one_that_fails(tmp_path)
     even = answer(replace(make_outcome(tmp_path), compared=make_compared(0.051)))
     assert even.startswith("A first-order lag of the controls predicts u of the held-back runs as well as this model. ")
     failing = replace(make_outcome(tmp_path), pooled=make_pooled(0.2))
-    assert answer(failing).startswith(
-        "The model fails on runs that it was not fitted to. 14 % of u in 3 held-back runs lies "
-    )
+    assert answer(failing).startswith("The model fails on held-back runs. 14 % of u in 3 held-back runs lies ")
 
 
 @pytest.mark.usefixtures("undrawn")

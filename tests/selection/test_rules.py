@@ -191,5 +191,5 @@ def test_a_parent_outside_the_library():
 
 def test_nothing_left():
     small = library_of(("N_r",), ("r",))
-    with pytest.raises(InputError, match="no term that may stand"):
+    with pytest.raises(InputError, match="no term that the rules allow"):
         count_structures(compile_rules(small, [Never("N_r")]))

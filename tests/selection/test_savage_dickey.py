@@ -152,7 +152,7 @@ def test_fitted_shapes_by_scipy_and_errors_by_leaving_out_stretches(shape):
 def test_fewer_than_a_hundred_effective_draws_about_the_value_are_told(near, told):
     said = _tail("a", 0.0, -2.5, near)
     assert bool(said) == told
-    assert not told or f"2.5 standard deviations from the posterior mean, where only {near:.0f} effective" in said
+    assert not told or f"2.5 standard deviations from the posterior mean, with only {near:.0f} effective" in said
 
 
 @pytest.mark.parametrize(("draws", "enough"), [(249, False), (250, True)])

@@ -208,8 +208,8 @@ def test_a_verdict_that_hangs_on_a_doubtful_evidence_is_withheld():
     assert [found.undecided == {} for found in (shaken, sure, plain)] == [False, True, True]
     assert plain.verdicts[0].startswith("the data support X_u")
     assert shaken.verdicts[0] == (
-        "it cannot be said whether the data support X_u: its probability of 0.98 depends on an evidence that is not reliable, "
-        f"and may be anything from {reached:.2f} to 1.00"
+        "no verdict about X_u yet: its probability of 0.98 depends on an evidence that is not reliable, "
+        f"and may be from {reached:.2f} to 1.00"
     )
     assert len(shaken.alarms) == 1
     assert sure.verdicts[0].startswith("the data support X_u: probability 1.00")

@@ -95,7 +95,7 @@ def test_own_equation_of_a_known_vehicle_has_its_posterior():
         ({"states": {"u": "kn", "lagging": "m/s"}}, "which is 0.514444 units of SI"),
         ({"states": {"u": "rad/s", "lagging": "m/s"}}, "m/s, as seatrial has it"),
         ({"states": {"u": "m/s", "lagging": "furlong"}}, 'unknown unit "furlong"'),
-        ({"states": {"u": "m/s", "udot2dot": "m/s"}}, "a name that cannot be one of a signal"),
+        ({"states": {"u": "m/s", "udot2dot": "m/s"}}, "an invalid name of a signal"),
         ({"coefficients": {"decay": "1/s", "gain": "m/(s rad)"}}, "params['memory'], which is no coefficient"),
         ({"coefficients": COEFFICIENTS | {"X_u": "1/s"}}, "a unit like"),
         ({"derivative": lambda p, state, control: state[0]}, "a tuple of 2 rates"),

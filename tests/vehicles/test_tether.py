@@ -151,7 +151,7 @@ def test_what_only_one_velocity_moves_is_refused_where_it_is_sought(name):
 def test_linear_drag_beside_damping_of_every_entry_is_refused():
     every = ("X_u", "Y_v", "Z_w")
     error = refused(Tether(), free=every, unknowns=(LINEAR, QUADRATIC))
-    assert "X_u, Y_v, Z_w, which together are the same force" in error.found
+    assert "X_u, Y_v, Z_w, which is the same force" in error.found
     towing(Tether()).build(free=every[:2], unknowns=(LINEAR,))
     towing(Tether()).build(free=every, unknowns=(QUADRATIC,))
     towing(Tether(POINT)).build(free=every, unknowns=(LINEAR,))

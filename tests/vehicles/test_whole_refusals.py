@@ -64,7 +64,7 @@ def test_measured_added_mass_need_not_be_symmetric():
         (["X_vr"], {"moves": ("u", "r")}, "v is zero"),
         (["Y_rdot"], {"moves": ("v",)}, "no part in the motion"),
         ([], {"moves": ("u", "z")}, "moves"),
-        ([], {"moves": ()}, "is held, whose thrusters have no lag"),
+        ([], {"moves": ()}, "tied in place, with thrusters without a lag"),
         ([], {"moves": ("u", "u")}, "each once"),
         ([], {"given": ("u",)}, "a velocity is a state, a given signal, or zero"),
         ([], {"positions": ("depth",)}, "positions"),
@@ -76,7 +76,7 @@ def test_measured_added_mass_need_not_be_symmetric():
         (["Y_ur"], {"added_coriolis": "automatic"}, "already follows from X_udot"),
         (["N_uv"], {"added_coriolis": "automatic"}, "already follows from"),
         (["T_nabsn"], {"thrusters": (Thruster((0, 0, 0), (0, 0, 0)),)}, "thruster 1"),
-        (["K_nabsn"], {"thrusters": (Thruster((0, 0, 0), (1, 0, 0)),)}, "on the axis T alone"),
+        (["K_nabsn"], {"thrusters": (Thruster((0, 0, 0), (1, 0, 0)),)}, "only on the axis T"),
     ],
 )
 def test_impossible_vehicles(terms, options, words):

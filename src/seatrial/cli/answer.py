@@ -69,7 +69,7 @@ class Answer:
         self.give(**plain(result))
 
     def wrote(self, what: str, path: Path) -> None:
-        """Say where something was written."""
+        """Return where something was written."""
         self.say(f"{what}: {path}")
         self.name_file(what, path)
 

@@ -118,7 +118,7 @@ class Occupation:
 
 @contextmanager
 def occupying(folder: Path) -> Iterator[Occupation | None]:
-    """Hold a campaign while the block runs; None where the folder cannot be written to, as then nothing can be corrupted.
+    """Hold a campaign while the block runs; None if the folder cannot be written to, as then nothing can be corrupted.
 
     Raises:
         InputError: another process works on it.

@@ -21,7 +21,7 @@ def read_file(folder: Path) -> str:
 
 
 def written_units(folder: Path) -> tuple[tuple[str, str], ...]:
-    """Return the units in which the priors of a campaign file are written, by name; none where it cannot be read."""
+    """Return the units in which the priors of a campaign file are written, by name; none if it cannot be read."""
     from seatrial.campaign.config.toml import toml_content
 
     try:

@@ -36,8 +36,8 @@ class Question(NamedTuple):
         key: with dots, such as `sensors.u.noise`.
         value: as it is typed, without quotes; the parts of a list are separated by commas. Empty for a key that the file lacks.
         meaning: of the key.
-        choices: the only values that it may have; none where it may have others.
-        default: the value of a key that the file lacks; empty where there is none.
+        choices: the only values that it may have; none if it may have others.
+        default: the value of a key that the file lacks; empty if there is none.
     """
 
     key: str
@@ -68,7 +68,7 @@ def questions(text: str, tables: Mapping[str, Iterable[str]] | None = None) -> t
 
 
 def question(path: Key, value: Any) -> Question:
-    """Return the question about a key of the schema; its value is None where the file lacks it."""
+    """Return the question about a key of the schema; its value is None if the file lacks it."""
     field: Any = field_at(CampaignFile, path)
     is_union = get_origin(field.annotation) in (Union, UnionType)
     kinds = get_args(field.annotation) if is_union else (field.annotation,)

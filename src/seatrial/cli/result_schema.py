@@ -1,6 +1,6 @@
 """The documents that `--json` prints, one for each command, and their JSON Schema: `python -m seatrial.cli.result_schema` prints it.
 
-All numbers are in SI and radians; null stands where there is none. A document holds results as their families define them. Types that
+All numbers are in SI and radians; null stands if there is none. A document holds results as their families define them. Types that
 are written out here are what a command puts together of several, or a few numbers of a result that is long. A key is added when a command
 finds more; none is renamed, removed or given another meaning without raising `SCHEMA` of `answer.py`.
 """

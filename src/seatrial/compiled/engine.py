@@ -20,7 +20,7 @@ _BACKEND_OPTIONS = "--xla_backend_extra_options"
 _VECTOR_WIDTH = "--xla_cpu_prefer_vector_width"
 # Which compiled code is kept: key of `jax_persistent_cache_…`, and its value as text and type.
 _CACHE_LIMITS = {"min_compile_time_secs": ("0.2", float), "min_entry_size_bytes": ("-1", int)}
-_REMEDY = "call seatrial.configure() where the program begins"
+_REMEDY = "call seatrial.configure() at the start of the program"
 _NO = ("0", "false", "f", "no", "n", "off")
 _is_prepared = False
 _keeps_programs = False
@@ -31,14 +31,14 @@ BEGAN = time.time()  # When this process began to load the package
 
 
 class EngineWarning(UserWarning):
-    """Something about JAX's settings that changes what a program computes, or how fast."""
+    """Settings of JAX that change results of a program, or its speed."""
 
 
 def configure(cache: bool = True) -> None:
     """Set JAX up for seatrial, as its commands do: float64 for the whole process, XLA's options, and a cache of compiled code.
 
     Best called before JAX computes anything. Variables of the environment go first: JAX_ENABLE_X64, XLA_FLAGS and
-    JAX_COMPILATION_CACHE_DIR stay as they are where they are set.
+    JAX_COMPILATION_CACHE_DIR stay as they are if they are set.
 
     Args:
         cache: whether compiled code is kept under `$XDG_CACHE_HOME/seatrial`, by default in `~/.cache`, for later processes: seatrial's
@@ -61,8 +61,8 @@ def configure(cache: bool = True) -> None:
     jax = sys.modules.get("jax")
     if _asked_for_float32():
         warnings.warn(
-            f"JAX_ENABLE_X64={os.environ['JAX_ENABLE_X64']} has seatrial compute in single precision, in which long simulations and "
-            "evidences cannot be trusted; leave it out",
+            f"JAX_ENABLE_X64={os.environ['JAX_ENABLE_X64']} sets single precision, which is too low for long simulations and evidences; "
+            f"leave it out",
             EngineWarning,
             stacklevel=2,
         )
@@ -97,7 +97,7 @@ def prepare(tell: bool = False) -> None:
             )
         if tell:
             warnings.warn(
-                "seatrial computes in float64 and has switched JAX to it, for the rest of this program too; to say so yourself, "
+                "seatrial computes in float64 and has switched JAX to it, for the rest of this program too; to do so yourself, "
                 f"{_REMEDY}",
                 EngineWarning,
                 stacklevel=3,
@@ -117,7 +117,7 @@ def check_precision() -> None:
             "JAX in this process",
             found="float32, switched on after seatrial had set float64",
             expected="float64, in which seatrial computes",
-            remedy='call jax.config.update("jax_enable_x64", True) first, or compute in float32 in a process of its own',
+            remedy='call jax.config.update("jax_enable_x64", True) first, or compute in float32 in a separate process',
         )
 
 

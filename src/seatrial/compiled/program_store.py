@@ -185,7 +185,7 @@ class _Digest:
 
 
 def read(folder: Path, key: str) -> bytes | None:
-    """Return what lies under a key; None where nothing does.
+    """Return what lies under a key; None if nothing does.
 
     Raises:
         Unusable: the folder or the file is not private, or the file is not what was written under this key.
@@ -253,7 +253,7 @@ def _content(folder: int, key: str) -> bytes:
     with os.fdopen(file, "rb") as stream:
         about = os.fstat(file)
         if not stat.S_ISREG(about.st_mode):
-            raise Unusable(f"{key} among the compiled programs is no file")
+            raise Unusable(f"{key} among the compiled programs is not a file")
         _refuse_shared(about, key)
         with suppress(OSError):
             os.utime(file)  # the last use

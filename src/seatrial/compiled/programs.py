@@ -126,7 +126,7 @@ class Program:
         return self._jit.lower(*args, **kwargs)
 
     def _entry(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[list[Any], "_Entry | None"]:
-        """Return the arrays among the arguments and the place of their program, None where `jax.jit` has to serve them."""
+        """Return the arrays among the arguments and the place of their program, None if `jax.jit` has to serve them."""
         static, args, kwargs = self._split(args, kwargs)
         leaves, tree = tree_flatten((args, kwargs))
         shapes = tuple(map(_shape_of_call, leaves))
@@ -166,7 +166,7 @@ class Program:
         return frozenset(places), frozenset(names[place] for place in places)
 
     def _make(self, signature: "_Signature") -> "_Ready | None":
-        """Load or compile a program; None where it cannot be kept."""
+        """Load or compile a program; None if it cannot be kept."""
         if any(getattr(jax.config, name) for name in _WITHOUT):
             return None
         try:
@@ -273,7 +273,7 @@ class _Entry:
         self._ready: _Ready | None = None
 
     def ready(self) -> _Ready | None:
-        """Return the program; None where `jax.jit` has to serve."""
+        """Return the program; None if `jax.jit` has to serve."""
         if self._make is not None:
             with self._lock:
                 if self._make is not None:
@@ -314,7 +314,7 @@ def _many(given: Any) -> tuple:
 
 
 def _shape_of_call(leaf: Any) -> Any:
-    """Return what tells one program from another, quickly; None where an argument is none of ours."""
+    """Return what tells one program from another, quickly; None if an argument is none of ours."""
     kind = type(leaf)
     if kind is np.ndarray:
         return leaf.shape, leaf.dtype
@@ -336,7 +336,7 @@ def _shape(leaf: Any) -> _ArrayShape:
 
 
 def _found(folder: Path, key: str) -> _Ready | None:
-    """Load a program; None where there is none that can be used."""
+    """Load a program; None if there is none that can be used."""
     started = time.monotonic()
     try:
         content = program_store.read(folder, key)

@@ -1,7 +1,7 @@
 """Dataclasses that compiled code takes apart and puts together again: fields that hold numbers, and fields that are fixed.
 
 JAX has a register of its own for dataclasses, which must not be used: it takes the structures of two classes with equal fixed
-fields for equal, and tells them apart by their hash alone. Where two hashes fall together, which happens now and then, what
+fields for equal, and separates them by their hash alone. Where two hashes fall together, which happens now and then, what
 was compiled for a uniform prior serves a normal one, without a word (seen with JAX 0.10).
 """
 

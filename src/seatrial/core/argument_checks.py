@@ -161,12 +161,12 @@ def check_numbers(
     """Return a mapping of names to finite numbers.
 
     Args:
-        values: what was given; None counts as nothing.
+        values: the input; None counts as nothing.
         place: of it, for the error.
-        known: names that may stand there; any where None.
+        known: allowed names; any if None.
         least: see `check_number`.
         above: see `check_number`.
-        remedy: what to do about something that is no mapping.
+        remedy: for a value that is no mapping.
 
     Raises:
         InputError: no mapping, a name that is not known, or a value that is no finite number.
@@ -194,7 +194,7 @@ def check_known(names: Iterable[str], known: Collection[str], place: str) -> Non
 
 
 def check_names(values: Any, place: str, example: str = "u") -> tuple[str, ...]:
-    """Return a sequence of names; a name alone, whose letters would each count as one, is refused.
+    """Return a sequence of names; a single text is refused, because each letter would count as a name.
 
     Raises:
         InputError: a name alone, or something that holds no names.
@@ -243,7 +243,7 @@ def check_array(
     Args:
         values: what was given.
         place: of it, for the error.
-        size: n; any where None.
+        size: n; any if None.
         least: smallest n.
         is_finite: whether NaN and infinities are refused.
 
@@ -267,7 +267,7 @@ def check_array(
 
 
 def as_number(value: Any) -> float:
-    """Return a number, NaN where there is none; text and truth are no numbers."""
+    """Return a number, NaN if there is none; text and truth are no numbers."""
     if value is None or isinstance(value, str | bytes | bool) or np.ndim(value):
         return float("nan")
     try:

@@ -93,7 +93,7 @@ class CoefficientName:
         if axis not in AXES or not separator:
             raise InputError(
                 f'coefficient name "{text}"',
-                found=f'"{text}", which is not a term: "{axis}" where the axis stands',
+                found=f'"{text}", which is not a term: "{axis}" instead of the axis',
                 expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
                 remedy=EXAMPLES,
             )
@@ -102,7 +102,7 @@ class CoefficientName:
 
     @classmethod
     def own(cls, text: str, unit: str) -> "CoefficientName":
-        """Return the name of a coefficient whose regressor only its model's equation shows.
+        """Return the name of a coefficient with a regressor that only the equation of its model contains.
 
         Args:
             text: no name of the grammar, for example `drag`.
@@ -144,11 +144,11 @@ class CoefficientName:
 
     @property
     def trim_signals(self) -> tuple[str, ...]:
-        """Signals whose trim value the regressor needs."""
+        """Signals with a trim value that the regressor needs."""
         return tuple(dict.fromkeys(factor.signal for factor in self.factors if factor.change))
 
     def parted_by_sign(self, other: "CoefficientName") -> tuple[str, ...]:
-        """Return the signals without whose change of sign two terms are one, as u is of `X_uu` and `X_uabsu`; none of any other two."""
+        """Return the signals that must change sign to separate two terms, as u for `X_uu` and `X_uabsu`; none for any other two."""
         pairs = list(zip(self.key, other.key, strict=False))
         alike = self.axis == other.axis and len(self.key) == len(other.key) and self.key != other.key
         alike = alike and all(a[0] == b[0] and sum(a[1:]) == sum(b[1:]) for a, b in pairs)

@@ -1,7 +1,7 @@
 """Datasets on disk: NetCDF that any xarray user can open without seatrial, sealed so that a damaged file is never believed.
 
 Behind the last byte of HDF5 stands the hash of all before it, which HDF5 passes over. It is checked before the library sees the file:
-a few wrong bits can have it walk in circles for ever. The attribute `sha256_of_content` is for files that another tool wrote again.
+a few wrong bits can have it walk in circles without end. The attribute `sha256_of_content` is for files that another tool wrote again.
 """
 
 import hashlib
@@ -107,7 +107,7 @@ def is_sealed(path: Path) -> bool:
 
 
 def check_heaps(path: Path) -> None:
-    """Walk the global heaps of an HDF5 file, which hold strings and references: in an object of no size the library walks for ever.
+    """Walk the global heaps of an HDF5 file, which hold strings and references: in an object of no size the library walks without end.
 
     Source: HDF5 File Format Specification 3.0, III.E.
 
@@ -278,5 +278,5 @@ def _check_heap(path: Path, place: int) -> None:
             index, _, _, length = struct.unpack("<HHIQ", stream.read(16))
             step = length if index == 0 else 16 + -(-length // 8) * 8
             if step < 16 or at + step > end:
-                raise ValueError(f"a heap that makes no sense at byte {place + at}")
+                raise ValueError(f"an invalid heap at byte {place + at}")
             at += step

@@ -15,12 +15,12 @@ class SeatrialError(Exception):
 
 
 class InputError(SeatrialError):
-    """Something the user gave cannot be used.
+    """An input that cannot be used.
 
     Attributes:
         where: file, row, key or argument at fault.
-        found: what stands there.
-        expected: what may stand there.
+        found: the input.
+        expected: valid input.
         remedy: how to correct it.
     """
 
@@ -62,18 +62,18 @@ def too_few(where: str, found: str, least: object, remedy: str) -> InputError:
 
 
 class NumericalError(SeatrialError):
-    """A computation ended in a state that must not be used; the message says which and what to change."""
+    """A computation without a usable result; the message has the reason and the remedy."""
 
 
-_ELSEWHERE = "run it as a user who may read and write there, or copy it to a folder of your own"
+_ELSEWHERE = "run it as a user who may read and write there, or copy it to your folder"
 _ROOM = "free some space, then run the same command again: finished results are kept"
-_FILE = "a file stands where a folder should be: move it away"
-_FOLDER = "a folder stands where a file should be: move it away"
+_FILE = "a file has the name of a needed folder: move it away"
+_FOLDER = "a folder has the name of a needed file: move it away"
 _REMEDIES = {
     errno.EEXIST: _FILE,
     errno.ENOTDIR: _FILE,
     errno.EISDIR: _FOLDER,
-    errno.ELOOP: "a link stands where a file should be: remove it",
+    errno.ELOOP: "a link has the name of a needed file: remove it",
     errno.ENOENT: "it was moved or deleted in the meantime: put it back, or correct the path",
     errno.EACCES: _ELSEWHERE,
     errno.EPERM: _ELSEWHERE,
@@ -88,7 +88,7 @@ def file_error(error: OSError) -> InputError:
     return InputError(
         str(error.filename2 or error.filename or "file system"),
         found=error.strerror or str(error),
-        expected="a place where files can be read and written",
+        expected="a place in which files can be read and written",
         remedy=_REMEDIES.get(error.errno or 0, "check the path, its permissions and the space left on the disk"),
     )
 

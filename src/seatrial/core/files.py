@@ -165,7 +165,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def set_aside(path: Path, damage: str) -> None:
-    """Move a damaged file, or a folder in its place, out of the way under a name of its own, and say so on the log of the package.
+    """Move a damaged file, or a folder in its place, out of the way under a separate name, and say so on the log of the package.
 
     Args:
         path: of what can be made again.
@@ -178,7 +178,7 @@ def set_aside(path: Path, damage: str) -> None:
     except FileNotFoundError:  # another process was faster
         return
     logging.getLogger("seatrial").warning(
-        "caution: %s is damaged (%s): kept as %s, and made again where it is needed", path, damage, kept.name
+        "caution: %s is damaged (%s): kept as %s, and made again when needed", path, damage, kept.name
     )
 
 

@@ -42,7 +42,7 @@ class Provenance:
 
     Attributes:
         source: names of the files, or another word for it.
-        sha256: of the bytes of each file; empty where there is none.
+        sha256: of the bytes of each file; empty if there is none.
         options: of the import, JSON-able.
     """
 
@@ -57,8 +57,8 @@ class Record:
 
     Attributes:
         time: seconds, strictly increasing, shape (n,).
-        control: control held from each sample to the next, SI, shape (n, n_controls), no gaps.
-        measurement: what the sensors gave, SI, NaN where nothing was measured, shape (n, n_measured).
+        control: constant from each sample to the next, SI, shape (n, n_controls), no gaps.
+        measurement: of the sensors, SI, NaN without a measurement, shape (n, n_measured).
         channels: the controls, then the measurements, in column order.
         provenance: source, hash and options.
         label: short name, for messages and tables.
@@ -84,7 +84,7 @@ class Record:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What makes its numbers doubtful, in words: holes, clocks and units of the log that it was read from."""
+        """Cautions about its numbers: gaps, clocks and units of its log."""
         return tuple(self.provenance.options.get("cautions", ()))
 
     @property
@@ -104,7 +104,7 @@ class Record:
         return np.append(step, step[-1])
 
     def channel(self, name: str) -> Float[np.ndarray, " n"]:
-        """Return the samples of one channel, SI, shape (n,), NaN where nothing was measured.
+        """Return the samples of one channel, SI, shape (n,), NaN without a measurement.
 
         Args:
             name: of a control or a measured channel.
@@ -121,7 +121,7 @@ class Record:
             f'record "{self.label}"',
             found=f'no channel "{name}"',
             expected="one of " + ", ".join(self.controls + self.measured),
-            remedy="map the channel when importing, or drop what needs it",
+            remedy="map the channel when importing, or drop the terms that need it",
         )
 
 
@@ -200,8 +200,8 @@ def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:
             f"{where}, row {first_row + row + 1}",
             found=f"{kind} ({float(time[row])!r} s, then {float(time[row + 1])!r} s); {int((step <= 0).sum())} such rows",
             expected="strictly increasing time",
-            remedy='where stamps only repeat, clock = "even" or "drop_repeated" corrects them; where time runs back, split the run there, '
-            "sort its rows, or use another time column",
+            remedy='if stamps only repeat, clock = "even" or "drop_repeated" corrects them. If time runs back, split the run there, sort '
+            "its rows, or use another time column",
         )
 
 
@@ -263,8 +263,8 @@ def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where:
         raise InputError(
             f"{where}, sample {row + 1}",
             found=f"{values[row]} at t = {time[row]:g} s",
-            expected="a finite number, or NaN where nothing was measured",
-            remedy="correct the value, or put NaN in its place",
+            expected="a finite number, or NaN without a measurement",
+            remedy="correct the value, or replace it by NaN",
         )
     finite = np.isfinite(values)
     if not finite.any():
@@ -277,7 +277,7 @@ def _check_column(values: np.ndarray, channel: Channel, time: np.ndarray, where:
             f"{where}, sample {row + 1}",
             found=f"a gap at t = {time[row]:g} s",
             expected="a control at every sample",
-            remedy="trim the record to where the control is known",
+            remedy="cut the record to the stretch with this control",
         )
     _check_garbage(values[finite], channel, where)
 

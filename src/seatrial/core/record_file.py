@@ -64,7 +64,7 @@ def read_record(path: Path) -> Record:
         raise InputError(
             str(path),
             found=f"contents that are no record: {cause}",
-            expected="what `write_record` writes: time, units and role of each channel, label, source, sha256, options",
+            expected="the content of `write_record`: time, units and role of each channel, label, source, sha256, options",
             remedy="write the file again",
         ) from cause
     return make_record(time, columns, channels, provenance, label)

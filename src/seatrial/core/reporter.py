@@ -52,7 +52,7 @@ SILENT_SHARE = 0.25
 
 
 def remaining(seconds: float, begun_at: int, done: int, total: int, silent: float = 0.0) -> float | None:
-    """Return the time that a piece of work still takes at its pace, s; None where that is not known yet.
+    """Return the time that a piece of work still takes at its pace, s; None if that is not known yet.
 
     Args:
         seconds: from its first report to its last.

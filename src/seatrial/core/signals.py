@@ -129,7 +129,7 @@ def declare_signal(name: str, unit: str) -> None:
     if not name.isidentifier() or name.endswith(("dot", ACTUAL, SET)):
         raise InputError(
             f'signal "{name}"',
-            found="a name that cannot be one of a signal",
+            found="an invalid name of a signal",
             expected=f"letters, digits and underscores, without the endings dot, {ACTUAL} and {SET}",
             remedy="choose another name",
         )

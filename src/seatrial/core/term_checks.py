@@ -20,7 +20,7 @@ def check_trim(term: CoefficientName, trim: Mapping[str, float], place: str) -> 
                 f"{place}, term {term}",
                 found=f'no trim value of "{signal}"',
                 expected=f"trim.{signal}",
-                remedy="give the trim point, since the term is a change from it"
+                remedy="give the trim, because the term is a change from it"
                 + f"; for the rudder write {rudder}" * (signal == "r" and is_coefficient(rudder)),
             )
 
@@ -46,8 +46,8 @@ def check_each_once(terms: Iterable[CoefficientName], place: str) -> None:
 def terms_that_may_be_one(terms: Iterable[CoefficientName]) -> list[str]:
     """Return a sentence about every two terms that differ only where a signal changes its sign."""
     return [
-        f"{first} and {second} differ only where {' and '.join(signals)} changes its sign: a record that does not show this cannot tell "
-        "them apart; leave one of them out, or plan a trial that shows it"
+        f"{first} and {second} differ only when {' and '.join(signals)} changes its sign: a record without such a change cannot "
+        f"separate them. Leave one of them out, or plan a trial with it"
         for first, second in combinations(terms, 2)
         if (signals := first.parted_by_sign(second))
     ]

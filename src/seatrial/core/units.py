@@ -125,7 +125,7 @@ def si_powers(unit: str, where: str) -> dict[str, int]:
             where,
             found=f'unit "{unit}", which is {parsed.factor:g} units of SI',
             expected="a unit of SI: a product of kg, m, s, rad, V, N",
-            remedy="write the equation in SI, and convert where numbers are read and printed",
+            remedy="write the equation in SI, and convert inputs and outputs",
         )
     symbols = {dimension: symbol for name, symbol, *_ in _DEFINITIONS if (dimension := _DIMENSIONS.get(name))}
     return {symbols[dimension]: power for dimension, power in parsed.powers}
@@ -154,7 +154,7 @@ def quantity(text: str | float, expected_unit: str, where: str) -> float:
             where,
             found=repr(text),
             expected="a number with a decimal point",
-            remedy=f'write "{match[1]}{match[2].replace(",", ".", 1)}"; thousands are not parted',
+            remedy=f'write "{match[1]}{match[2].replace(",", ".", 1)}"; do not separate thousands',
         )
     if not match[2] and _parse(expected_unit, expected_unit, where).powers:
         raise _without_unit(match[1], expected_unit, where)
@@ -167,7 +167,7 @@ def _without_unit(number: str, expected_unit: str, where: str) -> InputError:
         where,
         found=f"{number} without a unit",
         expected=f'a number with a unit like "{expected_unit}", as one string',
-        remedy=f"write {' or '.join(quantities)}, whichever is meant",
+        remedy=f"write {' or '.join(quantities)}, as intended",
     )
 
 
@@ -204,7 +204,7 @@ def _parse(unit: str, expected_unit: str, where: str) -> ParsedUnit:
 
 
 def _meant(word: str) -> str:
-    """Question after the nearest unit, capitals aside; empty where none is near."""
+    """Question after the nearest unit, capitals aside; empty if none is near."""
     if word.casefold() in _SPELLED_UNITS:
         return f'write "{_SPELLED_UNITS[word.casefold()]}"'
     names = {unit.casefold() for unit in UNITS}

@@ -64,7 +64,7 @@ class AppContext:
         return await self.worker_pool.think("steps", str(folder), files=files)
 
     async def checked(self, folder: Path) -> Checked | None:
-        """What the last check of the records said; None where there was none."""
+        """What the last check of the records said; None if there was none."""
         files = await asyncio.to_thread(evidence_of, folder)
         return await self.worker_pool.draw("checked", folder, files=files)
 

@@ -29,7 +29,7 @@ MADE = re.compile(r"[\w-][\w.-]*\.svg|results/[a-z0-9_]+_schedule\.(csv|json)|re
 """Pictures, schedules and tables that commands wrote, by their place in the campaign's folder."""
 _TYPES = {".svg": "image/svg+xml", ".csv": "text/csv; charset=utf-8", ".json": "application/json"}
 _EXPORTED = re.compile(r"export/(?:[A-Za-z0-9_-]+/){1,2}[A-Za-z0-9_][A-Za-z0-9_.-]*")
-"""Files that `seatrial export` wrote, those of a bag in a folder of its own; they are only ever saved, never shown."""
+"""Files that `seatrial export` wrote, those of a bag in a separate folder; they are only ever saved, never shown."""
 LONGEST = 200
 """Bytes of a name; file systems take 255, and a name beside it is longer while it is written."""
 MOST_LETTERS = 120
@@ -104,7 +104,7 @@ class CampaignPaths:
         if (self.root / CAMPAIGN).is_file():
             raise InputError(
                 str(self.root),
-                found="a campaign, in which no other is looked for",
+                found="a campaign, which contains no other",
                 expected="a folder of campaigns",
                 remedy=f"serve the folder above it: seatrial serve {self.root.parent}",
             )
@@ -238,7 +238,7 @@ def upload_name(given: str, suffixes: tuple[str, ...]) -> str:
     if not name.lower().endswith(suffixes):
         raise InputError(
             f'file "{name}"',
-            found="a suffix that no log has",
+            found="a suffix that is not of a log",
             expected="one of " + ", ".join(sorted(suffixes)),
             remedy="unpack archives first; upload the log itself",
         )
@@ -255,7 +255,7 @@ def _is_plain(name: str) -> bool:
 
 
 def _fault_of(name: str, kind: str) -> str:
-    """Say what is wrong with a name that is not plain, or ends with a dot."""
+    """Return what is wrong with a name that is not plain, or ends with a dot."""
     if not name:
         return "nothing"
     if _PLAIN.fullmatch(name[:MOST_LETTERS]) and not _is_plain(name):

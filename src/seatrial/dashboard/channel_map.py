@@ -19,7 +19,7 @@ File = dict[str, Any]  # A log as one `[[import.files]]` says how it is read
 
 
 def imports_of(text: str) -> dict[str, Any]:
-    """Return `[import]` of a campaign file; empty where it has none.
+    """Return `[import]` of a campaign file; empty if it has none.
 
     Raises:
         InputError: a file that is not TOML.
@@ -58,7 +58,7 @@ def typed_map(text: str) -> list[File]:
         raise InputError(
             "the channel map",
             found="other tables, or a log without a path",
-            expected="[[import.files]] alone, each with a path",
+            expected="only [[import.files]], each with a path",
             remedy="correct it, and edit other tables in the file",
         )
     return files or []
@@ -89,7 +89,7 @@ def _with_files(folder: Path, text: str, run: str, files: list[File], values: Ma
         raise InputError(
             "the channel map",
             found="no column of a log",
-            expected="a column for each channel that was logged",
+            expected="a column for each logged channel",
             remedy="choose them in the form, or write [[import.files]]",
         )
     curves = [column["curve"] for one in files for column in one.get("channels", {}).values() if "curve" in column]
@@ -117,7 +117,7 @@ class FurtherRun(NamedTuple):
 
 
 def further_run(text: str, log: str) -> FurtherRun | None:
-    """Return how a campaign would name a log as a further run by the map that is there; None where the names of the logs do not show it.
+    """Return how a campaign would name a log as a further run by the map that is there; None if the names of the logs do not show it.
 
     Args:
         text: of the file.
@@ -144,7 +144,7 @@ def with_further_run(folder: Path, text: str, run: FurtherRun, role: str) -> str
 
 
 def with_own_map(folder: Path, text: str, run: str, role: str, files: list[File]) -> str:
-    """Return the text of a campaign file in which one run has a map of its own; all other runs keep theirs.
+    """Return the text of a campaign file in which one run has a separate map; all other runs keep theirs.
 
     Each log gets `runs`, which says whose it is. A log that only this run read is removed.
 

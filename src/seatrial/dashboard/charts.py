@@ -184,7 +184,7 @@ class TimeChart:
         view: gives the curves between two times.
         span: first and last time, s.
         title: read out instead of the picture.
-        on_select: told the range that was selected, s; None where nothing can be selected.
+        on_select: told the range that was selected, s; None if nothing can be selected.
     """
 
     def __init__(

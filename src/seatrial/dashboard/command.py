@@ -11,23 +11,23 @@ def serve(
         Path,
         typer.Argument(
             metavar="[FOLDER]",
-            help="A campaign, or a folder of campaigns, made if missing; the current one if not given.",
+            help="Campaign, or folder of campaigns (made if missing); the current folder if not given.",
         ),
     ] = Path("."),
-    host: Annotated[str, typer.Option(help="Address to listen on; any but loopback needs a token.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any that is free.")] = 8080,
+    host: Annotated[
+        str, typer.Option(help="Address of the server; any other than loopback needs a token.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 for any free port.")] = 8080,
     token: Annotated[
         str | None,
-        typer.Option(
-            help="Token that every request must have; if it is needed and not given, one is made and printed."
-        ),
+        typer.Option(help="Token of every request; if it is needed and not given, one is made and printed."),
     ] = None,
     also: Annotated[
         list[Path] | None,
         typer.Option(
             "--allow-read",
             metavar="DIR",
-            help="Another folder that campaigns may read, such as the one with the logs; repeatable.",
+            help="Another folder that campaigns may read, such as a folder of logs; may be given several times.",
         ),
     ] = None,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Do not open a browser.")] = False,

@@ -25,7 +25,7 @@ class CommandOption(NamedTuple):
         name: as it is written, such as `--free-form`.
         meaning: its help.
         kind: a flag, a whole number, one of some words, or a text; a text may hold several parted by commas where `is_list`.
-        default: as a text; empty where there is none.
+        default: as a text; empty if there is none.
         least: of a number; None for no bound.
         most: likewise.
         choices: words to choose from.

@@ -19,7 +19,7 @@ Load = Callable[[int, int], Mapping[str, np.ndarray]]
 
 
 class Envelope(NamedTuple):
-    """A curve by columns: the middle of each in time, the least and greatest value there, NaN where nothing was measured."""
+    """A curve by columns: the middle of each in time, the least and greatest value there, NaN if nothing was measured."""
 
     time: Float[np.ndarray, " c"]
     least: Float[np.ndarray, " c"]

@@ -44,7 +44,7 @@ class Job:
 
     Attributes:
         occupant: who works on it, or was killed while it did.
-        command: the last one that a dashboard started, as in a shell; empty where there was none.
+        command: the last one that a dashboard started, as in a shell; empty if there was none.
         output: the end of what that printed.
         starting: whether it has been started and does not yet say so itself.
     """
@@ -56,7 +56,7 @@ class Job:
 
     @property
     def word(self) -> str:
-        """Word of the command, such as check; empty where there was none."""
+        """Word of the command, such as check; empty if there was none."""
         return " ".join(self.command.split()[1:2])
 
     @property
@@ -94,7 +94,7 @@ class Jobs:
             if not _OPTION.fullmatch(option):
                 raise InputError(
                     f"option {option[:40]!r}",
-                    found="characters that a page does not pass on",
+                    found="characters that a page refuses",
                     expected="letters, digits, spaces and , . % + - _",
                     remedy="correct it, or use the shell",
                 )
@@ -134,7 +134,7 @@ class Jobs:
                 str(folder),
                 found=f"another command at work on this campaign: {words}",
                 expected="one at a time",
-                remedy="wait until it ends, or stop it; what it has finished is kept",
+                remedy="wait until it ends, or stop it; finished work is kept",
             )
         log = log_of(folder)
         log.parent.mkdir(exist_ok=True)
@@ -158,7 +158,7 @@ class Jobs:
                 str(folder),
                 found=occupant.words if occupant is not None and occupant.alive else "nothing at work",
                 expected="a command at work on this machine",
-                remedy="stop it where it runs" if occupant is not None and occupant.alive else "reload the page",
+                remedy="stop it on its page" if occupant is not None and occupant.alive else "reload the page",
             )
 
     def look(self, folder: Path) -> Job:

@@ -1,4 +1,4 @@
-"""Logs inside a campaign's folder: what they hold, asked in a process of its own, and what an upload may be called."""
+"""Logs inside a campaign's folder: what they hold, asked in a separate process, and what an upload may be called."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
@@ -170,7 +170,7 @@ class PictureAxis(NamedTuple):
 
     Attributes:
         rows: of the table.
-        clock: column of the stamps; empty where the pictures are over the rows.
+        clock: column of the stamps; empty if the pictures are over the rows.
         length: from the least stamp to the greatest, in the unit of the clock.
     """
 
@@ -183,7 +183,7 @@ class Looked(NamedTuple):
     """A log: its kind, what it holds, which column may be which channel, and what needs more than a map.
 
     Attributes:
-        heads: of each table, its `[[import.files]]` without channels; the column of time is empty where none is known.
+        heads: of each table, its `[[import.files]]` without channels; the column of time is empty if none is known.
         axes: of each table, what the small pictures of its columns are drawn over.
         quantities: channel that a column seems to be, by table and column, whether the campaign has it or not.
     """
@@ -206,8 +206,8 @@ def look_into(
     Args:
         path: of the log.
         relative: the same from the campaign's folder, for the map.
-        only: channels of the campaign, which guesses are limited to; all where none are named.
-        clocks: column of time by table, None for that of a log with one table; where none is named, what looks like a clock is taken.
+        only: channels of the campaign, which guesses are limited to; all if none are named.
+        clocks: column of time by table, None for that of a log with one table; if none is named, what looks like a clock is taken.
 
     Raises:
         InputError: a log that cannot be read.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from seatrial.dashboard.logs import Column, Looked
 
 CHANGE, OWN_FIT, OWN_PREDICT, FILE, INSTEAD = "change", "fit", "predict", "file", "instead"
-"""What a log is: one that the map reads, a run with a map of its own, a further file of a run, or a run in the place of all."""
+"""What a log is: one that the map reads, a run with a separate map, a further file of a run, or a run in the place of all."""
 
 
 @dataclass
@@ -33,7 +33,7 @@ class MapDraft:
         purpose: what the log is.
         purposes: what it may be, in words.
         label: of the run.
-        reader: run that read the log before; empty where none did.
+        reader: run that read the log before; empty if none did.
         begun_with: purpose, label and `files` as they were before anybody chose or typed; None before. A purpose that somebody chose is "".
         dropped: logs whose map was begun and is not kept, since the log that was previewed last is no part of it.
     """
@@ -152,7 +152,7 @@ class MapDraft:
             sharers = [one for one in runs if channel_map.map_of_run(saved, one)[0] == mine]
             self.purposes = {CHANGE: f"run {whose}, by the map of run {', '.join(sharers)}"}
             if len(sharers) > 1:
-                self.purposes[OWN_FIT] = f"run {whose}, with a map of its own"
+                self.purposes[OWN_FIT] = f"run {whose}, with a separate map"
             usual = CHANGE if has_all or len(sharers) == 1 else OWN_FIT
         else:
             mapped, guessed = channel_map.channels_of(mine), {one.channel for one in log.guesses}
@@ -160,10 +160,10 @@ class MapDraft:
             has, there = guessed | channel_map.channels_of(own).keys(), self.channels.keys()
             goes_on = self.is_begun or (self.is_own and bool(has - there) and bool(there - has))
             self.purposes = {
-                OWN_FIT: "another run, to fit, with a map of its own",
-                OWN_PREDICT: "another run, held back to predict, with a map of its own",
+                OWN_FIT: "another run, to fit, with a separate map",
+                OWN_PREDICT: "another run, held back to predict, with a separate map",
                 FILE: f"a further file of run {whose if others else ', '.join(runs)}",
-                INSTEAD: f"the only run, in the place of {', '.join(runs)}",
+                INSTEAD: f"the only run, instead of {', '.join(runs)}",
             }
             usual = FILE if guessed and guessed.isdisjoint(mapped) else OWN_FIT
             if purpose is None and goes_on:
@@ -183,7 +183,7 @@ class MapDraft:
         return (), True
 
     def _own_map(self, earlier: list[File], name: str, log: "Looked", runs: Sequence[str]) -> list[File]:
-        """Return the map of a log alone, after that of an earlier log of which it has every column; empty where there is none."""
+        """Return the map of a log alone, after that of an earlier log of which it has every column; empty if there is none."""
         newer, _ = channel_map.with_newer_log(earlier, name, log, runs)
         own = [one for one in newer if one.get("path") == name]
         return own if all(channel_map.has_columns(log, one) for one in own) else []
@@ -230,28 +230,28 @@ class MapDraft:
         return {key: mapped[key] for key in ("path", "table") if mapped[key] is not None}
 
     def quantity_of(self, key: str) -> str:
-        """Return the channel of a column, by the map or by a guess; its name where there is none."""
+        """Return the channel of a column, by the map or by a guess; its name if there is none."""
         log, column = self.columns[key]
         mapped = {(str(one["path"]), one.get("column")): name for name, one in self.channels.items()}
         guessed = self.logs[log].quantities.get((column.table, column.name))
         return mapped.get((self.named(log), column.name)) or guessed or column.name
 
     def further(self, name: str) -> channel_map.FurtherRun | None:
-        """Return the run that a log is by the saved map as it stands; None where that asks for other columns, or names do not tell it."""
+        """Return the run that a log is by the saved map as it stands; None if that asks for other columns, or names do not tell it."""
         has_all = all(channel_map.has_columns(self.logs[name], one) for one in channel_map.files_of(self.saved))
         return channel_map.further_run(self.saved, name) if has_all else None
 
     def replaced(self) -> str:
-        """Say what saving does to the runs and logs that the campaign file names; nothing where it replaces none."""
+        """Return what saving does to the runs and logs that the campaign file names; nothing if it replaces none."""
         run, runs, saved = self.label, channel_map.runs_of(self.saved), channel_map.files_of(self.saved)
         if self._is_example(saved, runs):
             return ""
         before = _logs_of(saved, run)
         if self.is_own and run in runs:
-            return f"Saving gives run {run} this map in the place of that of {', '.join(before)}."
+            return f"Saving gives run {run} this map instead of that of {', '.join(before)}."
         if self.is_own:
             where = "to fit" if self.purpose == OWN_FIT else "held back to predict"
-            return f"Saving adds run {run}, {where}, with this map. Run {', '.join(runs)} keeps the map that it has."
+            return f"Saving adds run {run}, {where}, with this map. Run {', '.join(runs)} keeps its map."
         if run in runs:
             kept = {channel_map.path_of(one, run) for one in self.files}
             lost = ", ".join(one for one in before if one not in kept)

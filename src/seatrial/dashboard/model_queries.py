@@ -296,7 +296,7 @@ def look_at(folder: str, which: str, family: int, row: int, column: int) -> Clic
 
 
 def whole_log(folder: str, run: str, files: tuple) -> RecordAbout:
-    """Say what the files of a run hold, before any trimming; read again when the files change, of which `files` tells."""
+    """Return what the files of a run hold, before any trimming; read again when the files change, of which `files` tells."""
     record, _ = _untrimmed(folder, run, files)
     roles = {channel.name: str(channel.role) for channel in record.channels}
     provenance = record.provenance
@@ -311,7 +311,7 @@ def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float
 
 
 def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[StampedColumn, ...] = ()) -> AxisAbout:
-    """Say which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded.
+    """Return which channels the logs of a run would give, by a campaign file that is not saved yet, and when each was recorded.
 
     Args:
         folder: of the campaign.

@@ -51,7 +51,7 @@ def next_step(
 
     Args:
         steps: of the campaign, in their order.
-        checked: what the last check of its records says; None where there was none.
+        checked: what the last check of its records says; None if there was none.
         stop: whether the results propose no further trial.
         has_log: whether a log is there that the campaign names.
     """
@@ -71,14 +71,14 @@ def next_step(
         return NextStep("Read the alarms before you use a number", "results")
     if stop:
         return NextStep("Export the vehicle: no further trial is proposed", "report")
-    return NextStep("Read the results, and run the trial that they propose", "results")
+    return NextStep("Read the results, and run the proposed trial", "results")
 
 
 WORDS = {
     "estimate": "Run the campaign: it estimates the coefficients, chooses the model and writes the report",
     "select": "Run the rest of the campaign: it chooses the model and writes the report",
     "predict": "Run the rest of the campaign: it tests predictions and writes the report",
-    "next": "Run the rest of the campaign: it looks for the next trial and writes the report",
+    "next": "Run the rest of the campaign: it designs the next trial and writes the report",
     "report": "Write the report",
 }
 """What to do where a step is the first that is missing."""
@@ -99,9 +99,9 @@ def _records_step(states: dict[str, str], records: str, has_log: bool) -> NextSt
 
 
 def _check_step(checked: Checked | None) -> NextStep | None:
-    """Return what the checks of the records ask for; None where the records can be used."""
+    """Return what the checks of the records ask for; None if the records can be used."""
     if checked is None:
         return NextStep("Check the records", "import")
     if not checked.is_current:
         return NextStep("Check the records again: something has changed since the last check", "import")
-    return NextStep("Correct what the checks found", "import") if checked.has_alarms else None
+    return NextStep("Correct the findings of the checks", "import") if checked.has_alarms else None

@@ -32,7 +32,7 @@ class Index(NamedTuple):
         time: s, of the first row of each block, shape (b,).
         rows: in all.
         last: time of the last row, s.
-        least: by curve, NaN where nothing was measured, shape (b,).
+        least: by curve, NaN if nothing was measured, shape (b,).
         greatest: likewise.
     """
 
@@ -110,7 +110,7 @@ def ready() -> bool:
 
 
 def about_record(path: Path) -> RecordAbout:
-    """Say what a stored record holds, and which part of its files it is.
+    """Return what a stored record holds, and which part of its files it is.
 
     Raises:
         InputError: no NetCDF-4 file, a damaged one, or no record.
@@ -124,7 +124,7 @@ def about_record(path: Path) -> RecordAbout:
 
 
 def about(roles: Mapping[str, str], rows: int, last: float, options: Mapping[str, Any], source: str) -> RecordAbout:
-    """Say what a record holds.
+    """Return what a record holds.
 
     Args:
         roles: `control` or `measurement`, by channel.

@@ -1,7 +1,7 @@
 """Who may ask: every request passes Host, Origin, token and size here before anything else sees it.
 
 A page of another site can make a browser send requests to 127.0.0.1. It cannot choose the Host header, unless its own name was made
-to point there (DNS rebinding), nor the Origin: so Host must be a name of this server, and Origin, where there is one, the same.
+to point there (DNS rebinding), nor the Origin: so Host must be a name of this server, and Origin, if there is one, the same.
 """
 
 import hashlib
@@ -64,14 +64,14 @@ class RequestGuard:
         if not is_own_name(host, self.host):
             return (
                 421,
-                "this address is not known by the name that you asked for; use the address that `seatrial serve` printed",
+                "the server does not have this name; use the address that `seatrial serve` printed",
             )
         if origin is not None and not is_same_origin(origin, host):
-            return 403, "requests that begin on other pages are refused"
+            return 403, "requests from other pages are refused"
         if origin is None and (scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")):
             site = headers.get("sec-fetch-site", "same-origin")
             if site not in ("same-origin", "none"):
-                return 403, "requests that begin on other pages are refused"
+                return 403, "requests from other pages are refused"
         if self.token is not None and not (self.shown(headers) or self.shown_in_query(scope)):
             return 401, "a token is needed: open the address that `seatrial serve` printed, with ?token=… at its end"
         if too_long(headers.get("content-length"), self.allowed(scope)):
@@ -147,7 +147,7 @@ class GuardedApp:
 
 
 def token_for(host: str, given: str | None) -> str | None:
-    """Token of a server: as given, made where the address is not loopback, None where none is needed.
+    """Token of a server: as given, made where the address is not loopback, None if none is needed.
 
     Raises:
         InputError: one that is easily guessed.
@@ -200,7 +200,7 @@ def too_long(stated: str | None, most: int) -> bool:
 
 
 def headers_of(scope: Scope) -> dict[str, str]:
-    """Headers by lower-case name; of one given twice the last, and no host at all where two are given."""
+    """Headers by lower-case name; of one given twice the last, and no host at all if two are given."""
     headers: dict[str, str] = {}
     for raw, value in scope["headers"]:
         name = raw.decode("latin-1").lower()

@@ -74,7 +74,7 @@ def estimated(paths: tuple[Path, ...]) -> tuple[EstimatedStructure, ...]:
 
 
 def checked(folder: Path) -> Checked | None:
-    """Return what the last check said, each finding as a row, the gravest first; None where there was none, or one of another version."""
+    """Return what the last check said, each finding as a row, the gravest first; None if there was none, or one of another version."""
     path = Store(folder).answer("check")
     if (kept := latest(path)) is None:
         return None

@@ -23,7 +23,7 @@ class Standing(NamedTuple):
 
     Attributes:
         words: its name, elapsed and remaining time.
-        share: of its work that is done; None where it does not say.
+        share: of its work that is done; None if it does not say.
     """
 
     words: str
@@ -31,7 +31,7 @@ class Standing(NamedTuple):
 
 
 def standing_of(job: Job, now: float) -> Standing:
-    """Say how far a running command has come.
+    """Return how far a running command has come.
 
     Args:
         job: of the campaign.
@@ -64,7 +64,7 @@ def standing_of(job: Job, now: float) -> Standing:
 
 
 def remaining_of(piece: Mapping[str, Any]) -> float | None:
-    """Return the time that a piece of work of an occupant still takes, s, as it says or at its pace; None where that is not known yet."""
+    """Return the time that a piece of work of an occupant still takes, s, as it says or at its pace; None if that is not known yet."""
     if piece.get("seconds") is not None:
         return piece["seconds"]
     return remaining(piece["elapsed"], piece["begun_at"], piece["done"], piece["total"], piece.get("silent", 0.0))

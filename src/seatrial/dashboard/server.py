@@ -96,7 +96,7 @@ def serve(
     """
     if not folder.exists() and folder.parent.is_dir():
         folder.mkdir()
-        echo(f"{folder} was not there: it was made, for new campaigns")
+        echo(f"{folder} did not exist and was made, for new campaigns")
     context = AppContext(CampaignPaths.of(folder), jobs=Jobs())
     others = [CampaignPaths.of(other).root for other in also]
     keep_within([context.campaign_paths.root, *others])
@@ -107,13 +107,13 @@ def serve(
     shown = _address(socket.gethostname() if anywhere else host, port, token)
     echo(f"{context.campaign_paths.root} is served at {shown}")
     echo(
-        f"its campaigns read files below {' and '.join(map(str, [context.campaign_paths.root, *others]))} only",
+        f"its campaigns read only files below {' and '.join(map(str, [context.campaign_paths.root, *others]))}",
     )
     if not is_loopback(host):
         echo(
             "anyone with the token has full access, and the traffic is not encrypted: use a network you trust, or ssh -L",
         )
-    echo("Ctrl-C ends it; commands that were started from the page go on")
+    echo("Ctrl-C ends it; commands started from the page continue")
     if browser:
         threading.Timer(1.0, _open, [_address("127.0.0.1" if anywhere else host, port, token)]).start()
     config = uvicorn.Config(
@@ -245,7 +245,9 @@ def _add_view(context: AppContext, view: str, make: Callable[..., Awaitable[None
                 await make(context, campaign, folder)
             except Exception as error:
                 logging.getLogger(__name__).exception("the view %s of %s", view, folder)
-                say(f"{type(error).__name__}: {error}. A result may be of another version: run the campaign again.")
+                say(
+                    f"{type(error).__name__}: {error}. A result may be of another version of seatrial: run the campaign again."
+                )
         return None
 
 
@@ -261,7 +263,7 @@ def _listen(host: str, port: int) -> socket.socket:
             f"--host {host} --port {port}",
             found=words,
             expected="an address of this machine and a free port",
-            remedy="choose another with --port, or end what listens there",
+            remedy="choose another with --port, or end the program that uses it",
         ) from cause
     return here
 

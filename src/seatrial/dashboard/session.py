@@ -98,7 +98,7 @@ class Session:
 
 
 def how_it_ended(code: int) -> str:
-    """Say what to tell where a process ended with its command and said nothing; empty where the command has told."""
+    """Return what to tell where a process ended with its command and said nothing; empty if the command has told."""
     if code <= 128 or code == Exit.INTERRUPTED:
         return ""
     name = signal.Signals(code - 128).name

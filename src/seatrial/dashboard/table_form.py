@@ -41,7 +41,7 @@ class TableForm:
         context: what is served.
         text: of the file.
         questions: about its values.
-        ask: for the questions that some answers leave; None where no answer changes them.
+        ask: for the questions that some answers leave; None if no answer changes them.
         notes: beside the names of tables.
         messages: element for what concerns the form as a whole; it may stay when the form is built again.
         first: label of each value that is asked for at first, by key; all others are folded. Without any nothing is folded.
@@ -166,7 +166,7 @@ class TableForm:
             ui.run_javascript(_TO_THE_FIRST)
 
     async def checked(self, folder: Path, more: Answers = ()) -> tuple[str, tuple[str, ...]] | None:
-        """Check the file with the answers; returns its text and what to know about it, or None where something is wrong, which is shown."""
+        """Check the file with the answers; returns its text and what to know about it, or None if something is wrong, which is shown."""
         self.messages.clear()
         for field in self.fields.values():
             field.error = None

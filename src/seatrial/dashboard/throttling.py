@@ -143,7 +143,7 @@ def punctual(pace: Throttle) -> type[asyncio.Protocol]:
                 self.deadline = None
 
         def end(self, words: bytes) -> None:
-            """Say why and end the connection."""
+            """Return why and end the connection."""
             if not self.transport.is_closing():
                 self.transport.write(words)
                 self.transport.close()

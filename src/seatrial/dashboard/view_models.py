@@ -17,12 +17,12 @@ def plain_error(error: SeatrialError | OSError) -> SeatrialError:
 
 
 def words_of(error: BaseException) -> str:
-    """Say what went wrong, in words for the page."""
+    """Return what went wrong, in words for the page."""
     return str(file_error(error) if isinstance(error, OSError) else error)
 
 
 def beside(error: SeatrialError | OSError) -> str:
-    """Say what went wrong beside the field that it is about, without the place in the file, which may not stand there yet."""
+    """Return what went wrong beside the field that it is about, without the place in the file, which may not stand there yet."""
     plain = plain_error(error)
     return f"{plain.found}: expected {plain.expected}; {plain.remedy}" if isinstance(plain, InputError) else str(plain)
 
@@ -97,8 +97,8 @@ class CheckRow(NamedTuple):
         level: pass, note, caution or alarm.
         code: of the catalogue of messages; empty of a sentence without one.
         words: what was found.
-        remedy: what to do; empty where there is nothing to do.
-        view: of the dashboard where that is done; empty where the words name none.
+        remedy: what to do; empty if there is nothing to do.
+        view: of the dashboard where that is done; empty if the words name none.
     """
 
     level: str
@@ -150,7 +150,7 @@ class OfferedTerm(NamedTuple):
 
 
 class ExportTarget(NamedTuple):
-    """A target of `seatrial export`: why it cannot be, empty where it can, and which terms it does not support."""
+    """A target of `seatrial export`: why it cannot be, empty if it can, and which terms it does not support."""
 
     name: str
     is_trial: bool

@@ -87,7 +87,7 @@ class WorkerPool:
 
 
 def stamp(path: Path) -> tuple[str, int, int]:
-    """What tells that a file has changed: size and time of change; zeros where it is missing."""
+    """What tells that a file has changed: size and time of change; zeros if it is missing."""
     try:
         there = path.stat()
     except OSError:

@@ -105,13 +105,13 @@ class PlannedBatch:
 
 @dataclass(frozen=True)
 class BatchSearch:
-    """So many trials among all designs inside the limits, weighed as one alone is; see `Search`."""
+    """A number of trials among all designs inside the limits, evaluated like a single one; see `Search`."""
 
     trials: int
 
     def check(self, problem: DesignProblem) -> None:
         """Check that a trial counts as a whole, before any work."""
-        check_whole_trials(problem.per, problem.place, "trials that are planned together")
+        check_whole_trials(problem.per, problem.place, "trials planned together")
 
     def find(self, problem: DesignProblem, beside: Beside, reporter: Reporter) -> PlannedBatch:
         """See `Search`."""

@@ -46,7 +46,7 @@ class ElectricPower:
 def expected_joules(
     plan: TrialPlan, power: ElectricPower, controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
 ) -> Float[np.ndarray, " D"]:
-    """Energy of each design, expected over draws; simulated only under an autopilot, infinite where such a motion diverges.
+    """Energy of each design, expected over draws; simulated only under an autopilot, infinite if such a motion diverges.
 
     Args:
         plan: vehicle and start of the trial.

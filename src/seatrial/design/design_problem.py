@@ -58,7 +58,7 @@ class DesignProblem:
         limits: of commands, by name, SI.
         motion: limits of the motion.
         probability: with which these are kept.
-        autopilot: through which designs act; None where they act on the controls.
+        autopilot: through which designs act; None if they act on the controls.
         process: standard deviation that each state gains in one second, SI; None for none.
         utility: what is to be large; a function of one's own takes information matrices, SI, shape (..., k, k), and may have a `unit`.
         over: the mean of draws of what is believed, its mean alone, or the worst draw.
@@ -67,7 +67,7 @@ class DesignProblem:
         power: what a trial draws, counted by the joule.
         filter: whose entropy reduction is predicted.
         prediction: what `fisher-c` makes precise.
-        rivals: coefficients that each rival structure lacks, told apart by `discrimination`.
+        rivals: coefficients that each rival structure lacks, separated by `discrimination`.
         seed: of all draws.
         drawn: coefficients drawn from the belief, SI, shape (S, k); None to draw them here.
         place: names a setting such as `design.per`, for errors.
@@ -142,7 +142,7 @@ class DesignProblem:
         return {name: bounds for name, bounds in self.limits.items() if name != family.control}
 
     def measured(self, count: int, step: float) -> Float[np.ndarray, "n m"]:
-        """Return 1 where each sensor gives a sample in a trial of so many samples, `step` s apart, 0 between."""
+        """Return 1 if each sensor gives a sample in a trial of so many samples, `step` s apart, 0 between."""
         steps = [max(1, round(1.0 / (self.rates[name] * step))) if name in self.rates else 1 for name in self.noise]
         return np.column_stack([(np.arange(count) % every == 0).astype(float) for every in steps])
 
@@ -254,14 +254,14 @@ class DesignProblem:
         draws: Float[np.ndarray, "S k"],
         samples: int | None = None,
     ) -> tuple[str, ...]:
-        """Say how surely one design keeps each limit of the motion, on draws that had no part in choosing it; nothing without limits."""
+        """Return how surely one design keeps each limit of the motion, on draws that had no part in choosing it; nothing without limits."""
         if not self.motion:
             return ()
         ends = None if samples is None else np.array([samples])
         return tuple(judge_safety(plan, control[None], draws, self.motion, self.probability, samples=ends).words(0))
 
     def prediction_lines(self, plan: TrialPlan, control: Float[np.ndarray, "n c"]) -> tuple[str, ...]:
-        """Say how well the stated prediction is known now and after a design; nothing where there is none."""
+        """Return how well the stated prediction is known now and after a design; nothing if there is none."""
         wanted, name = self.prediction, self.family.control
         if wanted is None:
             return ()

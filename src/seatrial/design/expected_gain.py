@@ -86,7 +86,7 @@ class Gain:
     Attributes:
         value: estimate, nats.
         std_error: its Monte Carlo standard error.
-        diagnostics: numbers that say whether to trust it.
+        diagnostics: numbers for its reliability.
         status: empty if healthy, else why not to use it.
     """
 
@@ -316,7 +316,7 @@ def _climb(
 
 
 def _with_prior(belief: Belief, z: Array, information: Array) -> tuple[Array, Array]:
-    """Precision of the posterior and slope of the log prior, which has unit variance also where it has no curvature.
+    """Precision of the posterior and slope of the log prior, which has unit variance also if it has no curvature.
 
     Within the corner of a box it bends by hundreds, over some hundredths of z: a normal as narrow as that would miss what is inside.
     """
@@ -366,6 +366,6 @@ def _refuse_divergence(belief: Belief, plan: TrialPlan, z: np.ndarray, finite: n
     first = np.asarray(values_of(belief, z[np.argmin(finite)]))
     at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, first, strict=True))
     raise NumericalError(
-        f"the simulation diverges for {np.sum(~finite)} of {finite.size} draws from the prior, first at {at} (SI): the gain of this "
-        "design is not defined; narrow the prior to damping that dissipates, or excite less"
+        f"the simulation diverges for {np.sum(~finite)} of {finite.size} draws from the prior, first at {at} (SI), so the gain of this "
+        f"design is not defined. Narrow the prior to damping that dissipates, or excite less"
     )

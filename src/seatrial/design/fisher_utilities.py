@@ -195,7 +195,7 @@ def _factor(cov: np.ndarray) -> np.ndarray:
     sd = np.sqrt(np.maximum(np.diag(cov), 0.0))
     place, remedy = (
         "covariance before the trial",
-        "leave out what is known exactly or said twice; use more posterior draws",
+        "leave out known and repeated coefficients; use more posterior draws",
     )
     if not (np.isfinite(cov).all() and (sd > 0).all()):
         raise InputError(place, found=f"variances {np.diag(cov)}", expected="finite, positive variances", remedy=remedy)
@@ -217,7 +217,7 @@ def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
         raise InputError(
             f"utility {PredictionCriterion.name}, gradient",
             found="none" if result is None else f"{result}",
-            expected=f"{k} finite numbers, not all 0: how the prediction changes with each coefficient",
+            expected=f"{k} finite numbers, not all 0: the change of the prediction with each coefficient",
             remedy="state the prediction to improve",
         )
     return result

@@ -177,18 +177,18 @@ def _status(best: ClimbOutcome, outcomes: tuple[ClimbOutcome, ...]) -> str:
         )
     stopped = [outcome.name for outcome in outcomes if not outcome.converged]
     if stopped:
-        messages.append(f"the gradient search had not settled from {', '.join(stopped)}: more steps may help")
+        messages.append(f"the gradient search has not converged from {', '.join(stopped)}: more steps may help")
     return "; ".join(messages)
 
 
 @dataclass(frozen=True)
 class FreeFormSearch:
-    """So many levels of equal length, over the active time of the families; see `Search`."""
+    """A number of levels of equal length in the active time of the families; see `Search`."""
 
     levels: int
 
     def check(self, problem: DesignProblem) -> None:
-        """Check that a problem has what a free form needs, before any work.
+        """Check that a problem allows a free form, before any work.
 
         Raises:
             InputError: several controls that move together, designs that are counted by the second or joule, a control without both bounds.
@@ -198,7 +198,7 @@ class FreeFormSearch:
             raise InputError(
                 problem.place("design.together"),
                 found=f"{', '.join(one.control for one in family.beside)} beside {family.control}, with a free form",
-                expected="one control or set-point: its levels alone are searched",
+                expected="one control or set-point, because only its levels are searched",
                 remedy="leave out `together` or the free form",
             )
         check_whole_trials(problem.per, problem.place, "a free form")
@@ -207,7 +207,7 @@ class FreeFormSearch:
             raise InputError(
                 problem.place(f"limits.{family.control}"),
                 found="a bound that is missing",
-                expected="lower and upper: a free form goes as far as it may",
+                expected="lower and upper, because a free form uses the whole range",
                 remedy=f'for example lower = "800 {unit}"',
             )
 
@@ -252,11 +252,11 @@ class FreeFormSearch:
         )
 
     def manoeuvre(self, problem: DesignProblem, trial: FreeTrial) -> Manoeuvre:
-        """Return what was found as it is run."""
+        """Return the result as a trial to run."""
         return self._form(problem).manoeuvre(np.array(trial.levels))
 
     def edge(self, problem: DesignProblem) -> float:
-        """Return the time that each change of level takes, s: the ramp of the families, or the whole interval where that is shorter."""
+        """Return the time that each change of level takes, s: the ramp of the families, or the whole interval if that is shorter."""
         return self._form(problem).edge
 
     def _form(self, problem: DesignProblem) -> SteppedInput:

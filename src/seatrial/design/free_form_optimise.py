@@ -109,7 +109,7 @@ class Climb:
         tried = (1 - shrink)[:, None] * np.clip(x, *self.problem.box)
         inside = self.excess(tried) <= ROUNDING
         if not inside.any():
-            raise NumericalError("trim breaks a limit by no more than rounding: leave it more room")
+            raise NumericalError("trim breaks a limit by rounding: widen the limit slightly")
         return tried[int(np.argmax(inside))]
 
     def gradient_search(

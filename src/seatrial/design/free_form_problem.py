@@ -159,8 +159,8 @@ def _check_control(problem: FreeFormProblem) -> None:
         raise InputError(
             where,
             found=f"lower limit {limits.lower}, upper limit {limits.upper}",
-            expected="both: information grows with the amplitude without end",
-            remedy="give the bounds that the actuator has",
+            expected="both, because information grows with the amplitude",
+            remedy="give the bounds of the actuator",
         )
     for low, low_name, high, high_name in (
         (limits.lower, "lower limit", form.trim, "trim"),
@@ -195,6 +195,6 @@ def _check_trim(problem: FreeFormProblem, inside: np.ndarray, names: list[str]) 
         raise InputError(
             "free-form design, limits",
             found=f"trim breaks the {' and the '.join(beyond)} (SI){share}",
-            expected="bounds that the vehicle keeps at least at trim, where the trial begins and ends",
+            expected="bounds that the vehicle keeps at trim, the start and end of the trial",
             remedy="widen the bound, or choose another trim",
         )

@@ -23,7 +23,7 @@ from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
-"""Utilities, shape (P,), of settings, shape (P, s); NaN where a design is not allowed."""
+"""Utilities, shape (P,), of settings, shape (P, s); NaN if a design is not allowed."""
 FIRST_SD = 0.3  # Of the first population, as a share of the box
 
 
@@ -57,7 +57,7 @@ def search_globally(
     seed: int,
     progress: Progress = no_progress,
 ) -> GlobalOptimum | None:
-    """Maximise a utility over a box of at least two settings; None where no design is allowed. The same seed gives the same result.
+    """Maximise a utility over a box of at least two settings; None if no design is allowed. The same seed gives the same result.
 
     Args:
         utility: batched utility; every call has `POPULATION` designs, so that it is compiled once.
@@ -103,7 +103,7 @@ def _fresh(mean: np.ndarray, rng: np.random.Generator):
 class GlobalSearch:
     """The best amplitude and period between the points of the grid, of every family; see `Search`.
 
-    Where the grid goes by the entropy of the filter it goes by the D criterion.
+    If the utility of the grid is the entropy of the filter, the search uses the D criterion.
 
     Attributes:
         budget: designs to evaluate in all.
@@ -182,7 +182,7 @@ class GlobalSearch:
         )
 
     def manoeuvre(self, problem: DesignProblem, design: Searched) -> Manoeuvre:
-        """Return what was found as it is run."""
+        """Return the result as a trial to run."""
         family = next(one for one in problem.families if one.kind == design.kind)
         return family.manoeuvre(design.amplitude, design.period)
 
@@ -194,7 +194,7 @@ def _box(problem: DesignProblem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _worth_of(problem: DesignProblem, plan: TrialPlan, family: Family, draws: np.ndarray) -> BatchedUtility:
-    """Utility of designs by amplitude and period; NaN where one does not fit or may leave the limits."""
+    """Utility of designs by amplitude and period; NaN if one does not fit or may leave the limits."""
     criterion, few, trim = problem.criterion(draws), problem.few(draws), problem.trim_of(family)
     resting = [value for _, value in trim]
 

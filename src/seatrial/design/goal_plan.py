@@ -25,12 +25,12 @@ MIN_FALL = 1e-3  # Fall of the sum below which another trial helps nothing
 
 @dataclass(frozen=True, eq=False)
 class StageGoal:
-    """What is asked of the coefficients that are sought together.
+    """What is asked of the coefficients to estimate together.
 
     Attributes:
         sought: their places among all k.
-        share: standard deviation wanted as a share of the estimate, infinite where none is asked, shape (k,).
-        sd: standard deviation wanted, SI, infinite where none is asked, shape (k,).
+        share: standard deviation wanted as a share of the estimate, infinite if none is asked, shape (k,).
+        sd: standard deviation wanted, SI, infinite if none is asked, shape (k,).
         precision: inverse covariance of all k before, SI.
     """
 
@@ -117,7 +117,7 @@ def goals_met(
     trials: Sequence[PlannedTrial],
     normal: Float[np.ndarray, "S k"],
 ) -> Bool[np.ndarray, "S k"]:
-    """Return for every draw whether the goal of each coefficient is met after some trials; true where there is none.
+    """Return for every draw whether the goal of each coefficient is met after some trials; true if there is none.
 
     Args:
         stages: what is asked of each.
@@ -146,7 +146,7 @@ PROPELLER_AXES = {"T": "X", "Q": "K"}  # Axis on which the thrust and the torque
 
 @dataclass(frozen=True)
 class Stage:
-    """Coefficients that are sought together.
+    """Coefficients to estimate together.
 
     Attributes:
         axes: on which they act.
@@ -167,7 +167,7 @@ def find_stages(names: Sequence[str], asked: Sequence[str]) -> tuple[Stage, ...]
     """Return the stages of some coefficients, in the order in which they are run.
 
     Args:
-        names: every coefficient that is sought.
+        names: every coefficient to estimate.
         asked: those that have a goal. Axes without one are sought only with axes that need them.
     """
     terms: dict[str, list[CoefficientName]] = {axis: [] for axis in AXIS_ORDER}

@@ -64,7 +64,7 @@ def check_some_allowed(safety: Safety) -> None:
         f"at least one design that keeps all limits with probability {safety.probability:g} (confidence {CONFIDENCE:g})"
     )
     if lost.all():
-        remedy = "narrow the priors or choose gentler designs: no limit can be kept while the motion diverges"
+        remedy = "narrow the priors or choose gentler designs: no limit can be kept if the motion diverges"
         raise InputError("safety limits", found=summary, expected=expected, remedy=remedy)
     raise NoDesignAllowed("safety limits", found=summary, expected=expected, ways=ways)
 
@@ -105,7 +105,7 @@ def least_miss(safety: Safety, limit: int, beside: tuple[int, ...] = ()) -> tupl
         beside: indices of the limits that do not.
 
     Returns:
-        The miss, SI, infinite where no width would do, and the index of the design.
+        The miss, SI, infinite if no width would do, and the index of the design.
     """
     margin = safety.room_left(safety.held[..., list(beside)].all(2))[:, limit]
     return float(-margin.max()), int(margin.argmax())
@@ -121,8 +121,8 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], Ways]:
     pairs = conflicting_pairs(safety)[:MAX_PAIRS]
     if pairs:
         sentences = [
-            f"{limits[i].words} and {limits[j].words} conflict: alone they leave {kept[:, i].sum()} and {kept[:, j].sum()} "
-            f"designs, together none; if the first is kept, the second {_miss(safety, j, (i,))}; if the second is kept, the first "
+            f"{limits[i].words} and {limits[j].words} conflict: separately they leave {kept[:, i].sum()} and {kept[:, j].sum()} "
+            f"designs, together none. If the first is kept, the second {_miss(safety, j, (i,))}; if the second is kept, the first "
             f"{_miss(safety, i, (j,))}"
             for i, j in pairs
         ]
@@ -131,9 +131,9 @@ def _misses(safety: Safety, kept: np.ndarray) -> tuple[list[str], Ways]:
     best = int(safety.joint_share.argmax())
     others = {i: tuple(j for j in everyone if j != i) for i in everyone}
     sentences = [
-        f"every two limits leave designs, all together none: at best they hold in {safety.held[best].all(1).sum()} draws, "
+        f"every two limits leave designs, but all together none: at best they hold in {safety.held[best].all(1).sum()} draws, "
         f"of {safety.name(best)}",
-        *(f"beside all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
+        *(f"with all others {limits[i].words} {_miss(safety, i, others[i])}" for i in everyone),
     ]
     return sentences, _joined(" or ", [_widen(safety, i, others[i]) for i in everyone])
 

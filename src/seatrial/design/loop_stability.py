@@ -47,7 +47,7 @@ class LoopGrowth:
     """How fast small motions grow, S vehicles.
 
     Attributes:
-        rate: 1/s, infinite where the quiet trial itself diverges, shape (S,).
+        rate: 1/s, infinite if the quiet trial itself diverges, shape (S,).
         state: index of the state with the largest part in the fastest mode, shape (S,).
         duration: of the trial, s.
     """
@@ -80,7 +80,7 @@ def loop_growth(
         plan: vehicle, start and autopilot.
         trim: every command of a quiet trial, SI.
         draws: coefficients, SI.
-        autopilot: in place of that of the plan.
+        autopilot: instead of that of the plan.
 
     Raises:
         InputError: a plan without an autopilot.
@@ -101,7 +101,7 @@ def best_gain_change(
     plan: TrialPlan, trim: Float[np.ndarray, " c"], draws: Float[np.ndarray, "S k"]
 ) -> GainChange | None:
     """Return the gain that, turned round, halved or doubled, leaves the fewest vehicles unstable, or the loop that, turned round as a
-    whole, does; None where no change helps.
+    whole, does; None if no change helps.
 
     Arguments and errors as `loop_growth`.
     """
@@ -177,7 +177,7 @@ def _linearised(plan: TrialPlan, pilot: Autopilot, cycles: int, trim: Array, dra
 
 
 def check_autopilot(problem: DesignProblem, reporter: Reporter) -> None:
-    """Check that the autopilot keeps vehicles stable with the probability with which limits are kept; tells it where some are not.
+    """Check that the autopilot keeps vehicles stable with the probability with which limits are kept; tells it if some are not.
 
     Raises:
         InputError: too many vehicles that are unstable under the autopilot.
@@ -212,11 +212,11 @@ def check_autopilot(problem: DesignProblem, reporter: Reporter) -> None:
 def _advice(change: GainChange | None, share: float) -> str:
     """Return what to do where a share of the vehicles is unstable."""
     if change is None or change.unstable > NEARLY_ALL:
-        helps = "no gain alone, turned round, halved or doubled, helps"
+        helps = "no single gain, if reversed, halved or doubled, helps"
         if share > NEARLY_ALL:
             return (
-                "the autopilot is unstable for the vehicle itself, whatever its priors: check the signs of its gains and of what it "
-                f"drives, and tune it on calm water first; {helps}"
+                "the autopilot is unstable for all values of the priors. Check the signs of its gains and controls, and tune it on calm "
+                "water first; {helps}"
             )
         return f"{helps}: narrow the priors, or tune the autopilot on calm water first"
     verb = "turn the sign of" if change.factor < 0 else "halve" if change.factor < 1 else "double"

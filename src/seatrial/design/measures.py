@@ -50,7 +50,7 @@ class MeasureSearch:
             raise InputError(
                 problem.place(f"prior.{moved[0]}"),
                 found="process noise, with a comparison of measures",
-                expected="a motion that follows the model: the expected gain counts the sensors' noise only, the cheap measures both",
+                expected="a motion without process noise: the expected gain counts only the noise of sensors, the cheap measures both",
                 remedy="compare measures without the priors of process noise, or not at all",
             )
 

@@ -1,6 +1,6 @@
 """Limits of a vehicle's motion in a trial: one signal between two bounds at every sample.
 
-The room that a limit leaves is the distance of its signal to the nearer bound, min(upper - q, q - lower), below 0 where it is
+The room that a limit leaves is the distance of its signal to the nearer bound, min(upper - q, q - lower), below 0 if it is
 broken. Bounds are leaves, so that code compiled for one limit serves every other of the same signal.
 """
 
@@ -22,7 +22,7 @@ from seatrial.vehicles.model import VehicleModel
 @dataclass(frozen=True)
 class MotionLimit:
     """Bounds of a state, for example speed `u`, pitch `theta` or depth `z`, or of an integral of `KNOWN`: the `distance` travelled through
-    the water, the `advance` along the keel, or `x` and `y`, ahead and to starboard of the start; SI, infinite where there is none."""
+    the water, the `advance` along the keel, or `x` and `y`, ahead and to starboard of the start; SI, infinite if there is none."""
 
     signal: str
     lower: float = -inf
@@ -45,7 +45,7 @@ class MotionLimit:
 
 
 def room(limit: MotionLimit, now: Mapping[str, Any]) -> Any:
-    """Return the distance to the nearest bound at one sample, SI; below 0 where it is broken; traced."""
+    """Return the distance to the nearest bound at one sample, SI; below 0 if it is broken; traced."""
     value = now[limit.signal]
     return jnp.minimum(limit.upper - value, value - limit.lower)
 

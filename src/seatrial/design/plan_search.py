@@ -100,7 +100,7 @@ class PlanSearch:
         time: that all trials with their turnaround may take, s.
         battery: energy for all trials, J.
         turnaround: time between trials, s.
-        power: hotel load and propeller; None where nobody counts energy.
+        power: hotel load and propeller; None if nobody counts energy.
         basis: what is believed, in words.
     """
 
@@ -206,7 +206,7 @@ class PlanSearch:
 def joules_of(
     power: ElectricPower | None, turnaround: float, controls: Mapping[str, np.ndarray], duration: float
 ) -> float:
-    """Return what a trial and its turnaround draw, J: the hotel load, and in the trial the propulsion; 0 where no power is stated."""
+    """Return what a trial and its turnaround draw, J: the hotel load, and in the trial the propulsion; 0 if no power is stated."""
     if power is None:
         return 0.0
     return float(np.nanmean(power.driven(controls))) * duration + power.hotel * (duration + turnaround)
@@ -246,7 +246,7 @@ def _families(problem: DesignProblem, names: Sequence[str]) -> Iterator[tuple[Fa
 
 
 def _room(control_limits: Mapping[str, Limits], control: str, trim: float) -> float:
-    """Return how far a control may go from trim to both sides, SI; 0 where it has no two limits."""
+    """Return how far a control may go from trim to both sides, SI; 0 if it has no two limits."""
     limits = control_limits.get(control)
     if limits is None or limits.lower is None or limits.upper is None:
         return 0.0
@@ -274,7 +274,7 @@ def _designs(
             problem.place("design"),
             found="no design that fits and keeps the limits of the controls",
             expected="one at least",
-            remedy="lower the amplitudes or lengthen `ramp`; `seatrial design` says which limit is broken",
+            remedy="lower the amplitudes or lengthen `ramp`; `seatrial design` names the broken limit",
         )
     report = reporter.progress(f"plan: {len(designs)} designs")
     report(0, 2)
@@ -289,9 +289,9 @@ def _designs(
     if not finite.any():
         raise InputError(
             problem.place("design.amplitude"),
-            found="designs under each of which the motion of some vehicle that the priors allow diverges",
-            expected="one design at least that none of them diverges under",
-            remedy="narrow the priors to damping that dissipates, or excite less; `seatrial prior` shows why",
+            found="designs that all diverge for some vehicle of the priors",
+            expected="at least one design without divergence",
+            remedy="narrow the priors to damping that dissipates, or excite less; `seatrial prior` shows the cause",
         )
     report(2, 2)
     return [one for one, is_finite in zip(designs, finite, strict=True) if is_finite], information[finite]

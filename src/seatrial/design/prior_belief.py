@@ -45,7 +45,7 @@ def normal_belief(draws: Float[np.ndarray, "S k"]) -> Gaussian:
             "draws of the coefficients",
             found=f"{len(draws)} draws of {draws.shape[1]} coefficients with standard deviations {sd}",
             expected="more draws than coefficients, all finite and varying",
-            remedy="use more posterior draws, and leave out coefficients that are known exactly",
+            remedy="use more posterior draws, and leave out known coefficients",
         )
     return Gaussian(jnp.asarray(draws.mean(0)), jnp.linalg.cholesky(jnp.asarray(np.atleast_2d(np.cov(draws.T)))))
 

@@ -37,10 +37,10 @@ class RelaySweep:
     """Entropy reduction over a grid; A amplitudes, T thresholds.
 
     Attributes:
-        family: what the designs share.
+        family: timing and shape of the designs.
         amplitude: change of control from trim, SI, shape (A,).
         threshold: change of output from trim at which the control is reversed, SI, shape (T,).
-        gain: entropy reduction, nats, NaN where the design breaks a limit, shape (A, T).
+        gain: entropy reduction, nats, NaN if the design breaks a limit, shape (A, T).
         peak_speed: largest |u| of the predicted motion, m/s, shape (A, T).
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, T, k).
         switches: reversals of the control, shape (A, T).
@@ -88,7 +88,7 @@ def sweep_relay(
         threshold: changes of output from trim, SI.
         limits: bounds of the control.
         method: filter; the square-root unscented one, if not given.
-        measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
+        measured: 1 if a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
         noise: error of the output as the relay sees it, the same for all designs; None for a perfect sensor.
 
@@ -112,8 +112,7 @@ def sweep_relay(
         worst = int(np.argmax(broken))
         raise NumericalError(
             f"the filter failed for {broken.sum()} of {allowed.sum()} designs, first at amplitude {amplitudes[worst]:.4g} "
-            f"and threshold {thresholds[worst]:.4g} (SI): the expected motion diverges or the prior is too wide for it; "
-            "narrow the priors"
+            f"and threshold {thresholds[worst]:.4g} (SI). The expected motion diverges or the prior is too wide: narrow the priors"
         )
     if not (switches[allowed] >= 2).any():
         raise InputError(
@@ -153,7 +152,7 @@ def _allowed(family: RelayFamily, amplitudes: np.ndarray, limits: Limits) -> np.
             )
             + " (SI)",
             expected="at least one design inside the limits",
-            remedy="lower the amplitudes, set `rate` if that is at fault, or widen the limits if the vehicle allows it",
+            remedy="lower the amplitudes, set `rate` if that is the broken limit, or widen the limits if the vehicle allows it",
         )
     return allowed
 
@@ -244,14 +243,13 @@ class RelaySearch:
         if problem.autopilot is not None:
             raise InputError(
                 problem.place(f"autopilot.{problem.autopilot.loops[0].holds}"),
-                found="trials through an autopilot, with a self-oscillating test, a loop that would fight the autopilot over the same "
-                "actuators",
-                expected="trials that act on the controls themselves",
+                found="trials through an autopilot, with a self-oscillating test, which needs the same actuators",
+                expected="trials that act directly on the controls",
                 remedy="leave out the self-oscillating test; families, free forms and global searches run through the autopilot",
             )
 
     def loop(self, problem: DesignProblem) -> RelayLoop:
-        """Return the loop on what is believed.
+        """Return the loop under the priors.
 
         Raises:
             InputError: as `check`, or an output that does not answer the control.
@@ -314,7 +312,7 @@ class RelaySearch:
         )
 
     def _noise(self, problem: DesignProblem, count: int) -> Float[np.ndarray, "S n"]:
-        """Noise of the output that is fed back in so many runs, SI, NaN where it is not measured."""
+        """Noise of the output that is fed back in so many runs, SI, NaN if it is not measured."""
         time, at = problem.family.time(), list(problem.noise).index(self.output)
         mask = problem.measured(time.size, problem.family.sample_time)
         drawn = jax.random.normal(random_key(problem.seed, "noise of the output fed back"), (count, len(mask)))
@@ -337,7 +335,7 @@ class RelaySearch:
 
 
 def proposed_output(problem: DesignProblem) -> tuple[str, float] | None:
-    """Return the channel that answers the control most beside its noise, and by how much, SI; None where no channel may be fed back."""
+    """Return the channel that answers the control most beside its noise, and by how much, SI; None if no channel may be fed back."""
     plan = problem.plan()
     names = [name for name in plan.channels if name not in QUATERNION]
     if not names:
@@ -349,7 +347,7 @@ def proposed_output(problem: DesignProblem) -> tuple[str, float] | None:
 
 
 def _outputs(problem: DesignProblem, plan: TrialPlan, share: float = 1.0) -> Float[np.ndarray, "n m"]:
-    """Every output over its noise, 0 where it is not measured, after a step of the control by a share of the least amplitude."""
+    """Every output over its noise, 0 if it is not measured, after a step of the control by a share of the least amplitude."""
     trim = problem.trim_of(problem.family)
     control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
     control[:, [name for name, _ in trim].index(problem.family.control)] += share * problem.amplitudes[0]
@@ -395,7 +393,7 @@ def _sure_best(
         found=f"{len(order)} of {sweep.gain.size} designs of the grid oscillate at the prior means"
         f", none of them with the required probability; the best, {most[1]}",
         expected=f"one at least that oscillates inside every limit with probability {probability:g}",
-        remedy="lower the thresholds, lengthen the trial, narrow priors that let a vehicle hardly answer the control, or widen the limits",
+        remedy="lower the thresholds, lengthen the trial, narrow priors with a weak response to the control, or widen the limits",
     )
 
 

@@ -14,7 +14,7 @@ from seatrial.design.utility_agreement import EXPECTED, Agreement, compare_utili
 
 @dataclass(frozen=True, eq=False)
 class SweptDesigns:
-    """Every design of the families on one grid of amplitudes and periods, SI, NaN where a limit is broken.
+    """Every design of the families on one grid of amplitudes and periods, SI, NaN if a limit is broken.
 
     Attributes:
         families: kinds of the manoeuvres.
@@ -29,10 +29,10 @@ class SweptDesigns:
         length: time at which the trial is ended, s.
         names: coefficients.
         sd_before: their standard deviations before the trial.
-        basis: what the designs were swept from, in words.
+        basis: the belief behind the designs, in words.
         refused: families without a design inside the limits, and why.
-        safety: how surely the best design keeps each limit of the motion.
-        prediction: how well the stated prediction is known before and after it.
+        safety: probability that the best design keeps each limit of the motion.
+        prediction: precision of the stated prediction before and after it.
         unit: of `worth`.
     """
 
@@ -45,7 +45,7 @@ class SweptDesigns:
         metadata={"units": "nat", "long_name": "entropy reduction of the coefficients"}
     )
     worth: Float[np.ndarray, "family amplitude period"] = field(
-        metadata={"long_name": "makes a design the best, in `unit`"}
+        metadata={"long_name": "criterion of the best design, in `unit`"}
     )
     peak_speed: Float[np.ndarray, "family amplitude period"] = field(
         metadata={"long_name": "largest magnitude of the first state"}
@@ -224,7 +224,7 @@ class OwnTrial:
     @property
     def alarms(self) -> list[str]:
         """That it may leave the limits of the motion."""
-        sentence = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles are to keep: shorten it"
+        sentence = f"{self.source} may leave the limits of the motion, which {self.probability:g} of the vehicles must keep: shorten it"
         return [] if self.is_safe else [f"{sentence}, lower its amplitude, or widen [limits]"]
 
 
@@ -342,7 +342,7 @@ class Searched:
 
 
 def edge_words(amplitudes: int, periods: int, best: tuple[int, int]) -> str:
-    """Say that the best of a grid of designs lies on its edge, and which key to widen; empty where it does not.
+    """Report that the best of a grid of designs lies on its edge, and which key to widen; empty if it does not.
 
     Args:
         amplitudes: in the grid; of one alone nothing is said.

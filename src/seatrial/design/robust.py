@@ -56,8 +56,8 @@ def information_table(
         at = ", ".join(f"{name} = {x:.4g}" for name, x in zip(plan.names, draws[np.argmax(lost)], strict=True))
         raise NumericalError(
             f"the simulation diverges for {lost.sum()} of {len(draws)} draws of the coefficients in {(~finite).any(1).sum()} of "
-            f"{len(controls)} designs, most often in design {worst}; the first is {at} (SI): narrow the prior to damping that "
-            "dissipates, or excite less"
+            f"{len(controls)} designs, most often in design {worst}; the first is {at} (SI). Narrow the prior to damping that "
+            f"dissipates, or excite less"
         )
     return information
 

@@ -36,10 +36,10 @@ class Safety:
     Attributes:
         limits: limits, in the order of every axis m.
         probability: with which all limits together must hold.
-        room: least distance to the bounds over the whole trial, in the unit of each limit, below 0 where broken; -inf where the
+        room: least distance to the bounds over the whole trial, in the unit of each limit, below 0 if broken; -inf where the
             motion diverges, which breaks every limit, shape (D, S, m).
         diverged: draws whose motion diverges, shape (D,).
-        names: of the designs, for errors; none where they have only numbers.
+        names: of the designs, for errors; none if they have only numbers.
     """
 
     limits: tuple[MotionLimit, ...]
@@ -130,12 +130,12 @@ def judge_safety(
     """Simulate every design with every draw and count which limits hold from the first sample to the end of the last step.
 
     Args:
-        plan: vehicle and start of the trial; each vehicle's autopilot, where there is one, sees noise of its own.
+        plan: vehicle and start of the trial; each vehicle's autopilot, if there is one, sees noise of its own.
         controls: every command of each design, held from each sample to the next, SI.
         draws: coefficients drawn from what is believed, SI.
         limits: limits of the motion.
         probability: with which all must hold together.
-        samples: after which each design is ended; None where all run to the end of the plan.
+        samples: after which each design is ended; None if all run to the end of the plan.
 
     Raises:
         InputError: limits that the vehicle cannot have, arrays of other shapes or without a number, or so few draws that not even
@@ -266,7 +266,7 @@ def _check(probability: float, draws: int) -> None:
     if most < probability:
         raise InputError(
             "safety, draws",
-            found=f"{draws} draws: if every limit held in all of them, that would show a probability of {most:.4g}",
+            found=f"{draws} draws, which show at most a probability of {most:.4g}",
             expected=f"enough draws to show {probability:g} with confidence {CONFIDENCE:g}",
             remedy=f"take at least {ceil(log(1 - CONFIDENCE) / log(probability))} draws, or ask for less",
         )

@@ -29,7 +29,7 @@ class SensorChoice:
     """One set of sensors.
 
     Attributes:
-        every: samples between two measurements of each channel, in the plan's order; 0 where it is left out.
+        every: samples between two measurements of each channel, in the plan's order; 0 if it is left out.
         noise: factor on each channel's standard deviation.
     """
 
@@ -137,7 +137,7 @@ def _choices(noise: Mapping[str, float], mask: Float[np.ndarray, "n m"], step: f
 
     Args:
         noise: of each channel, SI.
-        mask: 1 where it is measured.
+        mask: 1 if it is measured.
         step: s.
     """
     every = tuple(round(len(mask) / column.sum()) for column in mask.T)

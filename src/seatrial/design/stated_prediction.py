@@ -45,9 +45,7 @@ class Prediction:
             self.of, self.plan, np.asarray(self.control, float), np.asarray(values, float)
         )
         if not (np.isfinite(value) and np.isfinite(gradient).all()):
-            raise NumericalError(
-                f"the prediction of {self.of} diverges at the mean of what is believed: narrow the priors"
-            )
+            raise NumericalError(f"the prediction of {self.of} diverges at the mean of the priors: narrow them")
         return float(value), np.asarray(gradient)
 
 

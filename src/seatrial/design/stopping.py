@@ -32,7 +32,7 @@ class BestStops(NamedTuple):
         rate: most gain for a second, 1/s.
         samples: taken by the end that has it.
         length: time by then, s.
-        information: Fisher information of these samples, SI; zero where it is no finite number.
+        information: Fisher information of these samples, SI; zero if it is no finite number.
     """
 
     rate: Float[np.ndarray, " D"]

@@ -41,16 +41,16 @@ class Sweep:
     """Entropy reduction over a grid; A amplitudes, P periods.
 
     Attributes:
-        family: what the designs share.
+        family: timing and shape of the designs.
         amplitude: change from trim, SI, shape (A,).
         period: s, shape (P,).
-        gain: entropy reduction, nats, NaN where the design breaks a limit or its motion diverges, shape (A, P).
-        peak_speed: largest magnitude of the first state in the predicted motion, m/s where that is a speed, infinite where the motion
+        gain: entropy reduction, nats, NaN if the design breaks a limit or its motion diverges, shape (A, P).
+        peak_speed: largest magnitude of the first state in the predicted motion, m/s for a speed, infinite if the motion
             diverges under what is believed, shape (A, P).
         final_sd: predicted standard deviation of each coefficient in filter units, shape (A, P, k).
         trim: every control's name and trim value, in the vehicle's order; the family drives one of them.
-        utility: what makes a design the best, where that is not the gain; NaN as there, shape (A, P).
-        length: when each is ended, s, where that is not after the family's duration, shape (A, P).
+        utility: what makes a design the best, if that is not the gain; NaN as there, shape (A, P).
+        length: when each is ended, s, if that is not after the family's duration, shape (A, P).
     """
 
     family: Family
@@ -126,9 +126,9 @@ def sweep_family(
         period: s.
         limits: bounds of the control.
         method: filter; the square-root unscented one, if not given.
-        measured: 1 where a channel is measured, 0 elsewhere; None for every sample.
+        measured: 1 if a channel is measured, 0 elsewhere; None for every sample.
         truth: state and coefficients that generate the noise-free measurements; None for the mean of the initial belief.
-        trim: every command's name and trim value, in order; None where the family's is the only one.
+        trim: every command's name and trim value, in order; None if the family's is the only one.
         others: bounds of controls that move with it, by name.
         autopilot: through which the designs act; the filter is given the controls that it makes.
 
@@ -158,8 +158,8 @@ def sweep_family(
         worst, (factor, unit), name = int(np.argmax(broken)), _shown(family.control), FILTERS.get(type(method))
         raise NumericalError(
             f"the {name or 'square-root unscented'} filter failed for all {allowed.sum()} designs, first at amplitude "
-            f"{amplitudes[worst] * factor:.4g} {unit} and period {periods[worst]:.4g} s: the expected motion diverges or the prior is "
-            "too wide for it; narrow the priors" + (', or set filter = "square-root-unscented"' if name else "")
+            f"{amplitudes[worst] * factor:.4g} {unit} and period {periods[worst]:.4g} s. The expected motion diverges or the prior is "
+            f"too wide. Narrow the priors" + (', or set filter = "square-root-unscented"' if name else "")
         )
     allowed, peak = allowed & ~broken, np.where(broken, np.inf, peak)
     shape = (len(amplitude), len(period))
@@ -238,7 +238,7 @@ def _allowed(
             found=f"no design of {fits.sum()} inside the limits; the gentlest, of amplitude {amplitudes[gentlest] * factor:.4g} {unit} "
             f"and period {periods[gentlest]:.4g} s, breaks its {broken}",
             expected="at least one design inside the limits",
-            remedy="lower the amplitudes, lengthen `ramp` if the rate is at fault, or widen the limits if the vehicle allows it"
+            remedy="lower the amplitudes, lengthen `ramp` if the rate is the broken limit, or widen the limits if the vehicle allows it"
             if not limits.excess(np.array([family.trim, family.trim]), family.sample_time)
             else f"the trim itself, {family.trim * factor:.6g} {unit}, is outside: correct it in [vehicle.trim], or widen the limits",
         )

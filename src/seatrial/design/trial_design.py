@@ -60,13 +60,13 @@ class TrialDesign:
 
     Attributes:
         sweeps: one for each family that has a design inside the limits, the best first; standard deviations in SI.
-        refused: why each other family has none, by its kind.
+        refused: reasons of families without one, by their kind.
         sd_before: standard deviation of each coefficient before the trial, SI, by name.
         units: SI unit of each, by name.
-        unit: of what makes a design the best.
-        safety: how surely the best design keeps each limit of the motion.
-        prediction: how well the stated prediction is known before and after it.
-        basis: what the designs were swept from, in words.
+        unit: of the criterion of the best design.
+        safety: probability that the best design keeps each limit of the motion.
+        prediction: precision of the stated prediction before and after it.
+        basis: the belief behind the designs, in words.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -80,7 +80,7 @@ class TrialDesign:
 
     @property
     def best(self) -> Sweep:
-        """Sweep of the family that holds the best design; its duration is that design's, where it is ended early."""
+        """Sweep of the family with the best design; its duration is that of the design if it ends early."""
         return self.sweeps[0].as_run()
 
     @property
@@ -125,7 +125,7 @@ class TrialDesign:
 
     @property
     def at_edge(self) -> str:
-        """Where the best design is at an edge of the grid, so that one beyond may be better, and the key to widen; else empty."""
+        """Edge of the grid with the best design, and the key to widen it; empty if the best design is inside."""
         return edge_words(self.best.amplitude.size, self.best.period.size, self.best.best)
 
     def summary(self) -> "DataFrame":
@@ -150,10 +150,10 @@ class TrialDesign:
         return lines + self._remarks
 
     def diverging(self) -> list[str]:
-        """The families of which some designs are left out, because their motion diverges for vehicles that the priors allow."""
+        """The families of which some designs are left out, because their motion diverges for vehicles of the priors."""
         counts = {sweep.family.kind: int(np.isposinf(sweep.peak_speed).sum()) for sweep in self.sweeps}
         return [
-            f"{kind}: {count} of {self.best.gain.size} designs left out, because their motion diverges for vehicles that the priors allow"
+            f"{kind}: {count} of {self.best.gain.size} designs left out, because their motion diverges for vehicles of the priors"
             for kind, count in counts.items()
             if count
         ]
@@ -187,7 +187,7 @@ class Search(Protocol[FoundT]):
         Args:
             problem: what is to be designed.
             beside: see `Beside`.
-            reporter: told how far the work has come.
+            reporter: receives the progress.
 
         Raises:
             InputError: a problem that the search does not do for, or no design inside the limits.
@@ -236,7 +236,7 @@ class GridSearch:
             raise InputError(
                 problem.place("design"),
                 found="of all families none:" + "".join(f"\n    {kind}: {why}" for kind, why in refused.items()),
-                expected="one design at least that fits and is inside the limits",
+                expected="at least one design inside the limits",
                 remedy=remedy_of_any(errors.values()),
             )
         best = max(sweeps, key=lambda sweep: np.nanmax(sweep.worth))
@@ -262,16 +262,16 @@ def design_trial(
     beside: TrialDesign | Beside | None = None,
     reporter: Reporter = SILENT,
 ) -> Any:
-    """Design a trial: predict how much every design would tell, or search one in another way.
+    """Design a trial: predict the information of every design, or search one in another way.
 
     Args:
         problem: of `make_design_problem`.
-        search: how; by default every design of the families' grid, by running a filter over the motion that is expected.
+        search: how; by default every design of the grid of the families, by a filter over the expected motion.
         beside: result of the default search, or what returns it, which that of another search is compared with; found here if not given.
-        reporter: told how far the work has come.
+        reporter: receives the progress.
 
     Returns:
-        a `TrialDesign` with every design that was looked at, its entropy reduction in nats, and the best; of another search its own result.
+        a `TrialDesign` with every design, its entropy reduction in nats, and the best; another search has another result.
 
     Raises:
         InputError: no design inside the limits, or a problem that the search does not do for.
@@ -298,21 +298,21 @@ def make_design_problem(
     utility: Utility | Callable[[Array], Array] = "entropy",
     key: Array | int = 0,
 ) -> DesignProblem:
-    """State which trial is to be designed, for `design_trial`.
+    """State the trial to design, for `design_trial`.
 
     Args:
-        model: vehicle; what it leaves open is what the trial is to tell.
+        model: vehicle; its free coefficients are to be determined.
         belief: draws of a posterior, or priors, of its coefficients by name, SI.
         families: shapes of the driven control, with its trim and timing.
         amplitude: changes from trim, SI.
         period: s.
         noise: standard deviation of each measured channel, SI.
-        start: state at the first sample, signal name to SI value; 0 where nothing is said.
-        held: value of every control that is not driven, SI.
+        start: state at the first sample, signal name to SI value; 0 if not stated.
+        held: constant value of every other control, SI.
         limits: bounds of the driven control, or of several by name.
         rates: samples a second of sensors that are slower than the families' sample time, 1/s.
         motion: limits of the motion.
-        probability: with which these are to be kept.
+        probability: required, that these are kept.
         utility: what is to be large: "entropy" of the filter; a criterion of Fisher information, such as "fisher-d"; or a function of your
             own, which takes information matrices of the k coefficients, SI, shape (..., k, k), and returns shape (...). It is averaged
             over draws of the belief, and an attribute `unit` of it is printed.
@@ -331,7 +331,7 @@ def make_design_problem(
     if still := [i for i, size in enumerate(grid[0]) if size == 0]:
         raise InputError(
             f"amplitude[{still[0]}]",
-            found="0, with which nothing moves",
+            found="0, which moves nothing",
             expected="a change from trim that is not 0",
             remedy="leave it out",
         )
@@ -344,8 +344,8 @@ def make_design_problem(
         raise InputError(
             "families" if noise else "noise",
             found="none",
-            expected="one family at least" if noise else "one measured channel at least",
-            remedy="name what is driven" if noise else 'give its standard deviation, for example {"u": 0.02}',
+            expected="one family at least" if noise else "at least one measured channel",
+            remedy="name the driven control" if noise else 'give its standard deviation, for example {"u": 0.02}',
         )
     for family in chosen:
         known = {**held, family.control: family.trim}
@@ -384,7 +384,7 @@ def make_design_problem(
 
 
 def _belief(belief: Draws | Mapping[str, Prior], names: tuple[str, ...], seed: int) -> tuple[Belief, np.ndarray | None]:
-    """Return what is believed of the coefficients, SI, and draws of it where it is a posterior."""
+    """Return what is believed of the coefficients, SI, and draws of it if it is a posterior."""
     if isinstance(belief, Draws):
         draws = belief.array(names)
         return normal_belief(draws), draws[np.random.default_rng(seed).permutation(len(draws))[: 2 * HALF]]
@@ -528,7 +528,7 @@ def _per_joule(problem: DesignProblem, plan: TrialPlan, controls: np.ndarray, ut
     if problem.power is None:
         raise InputError(
             problem.place("design.per"),
-            found='"joule" without what the vehicle draws',
+            found='"joule" without the power of the vehicle',
             expected="the power of the propulsion and of the hotel load",
             remedy='state them, or count by the "trial"',
         )

@@ -32,8 +32,8 @@ class TrialPlan:
         channels: measured channels.
         start: state at the first sample, shape (n_states,).
         step: time to the next sample, s, shape (n,).
-        weight: one over the standard deviation of each channel at each sample, SI, 0 where it is not measured, shape (n, m).
-        autopilot: through which a design acts, and which feeds back measured channels; None where it acts on the controls themselves.
+        weight: one over the standard deviation of each channel at each sample, SI, 0 if it is not measured, shape (n, m).
+        autopilot: through which a design acts, and which feeds back measured channels; None if it acts on the controls themselves.
         process: standard deviation that each state gains in one second, SI, as far as what is learned is concerned; None for none.
     """
 
@@ -80,7 +80,7 @@ class TrialPlan:
         return self._run(values, control)[0]
 
     def outputs(self, values: Float[Array, " k"], control: Float[Array, "n c"]) -> Float[Array, "n m"]:
-        """What the sensors would show without noise, over their noise, 0 where nothing is measured; may be batched."""
+        """What the sensors would show without noise, over their noise, 0 if nothing is measured; may be batched."""
         return self._run(values, control)[1]
 
     def information(self, values: Float[Array, " k"], control: Float[Array, "n c"]) -> Float[Array, "k k"]:
@@ -220,8 +220,8 @@ def plan_trial(
         noise: standard deviation of each measured channel, SI.
         n: samples.
         sample_time: s.
-        measured: 1 where a channel is measured, 0 elsewhere, in the order of `noise`; None for every sample.
-        autopilot: through which designs act; None where they act on the controls.
+        measured: 1 if a channel is measured, 0 elsewhere, in the order of `noise`; None for every sample.
+        autopilot: through which designs act; None if they act on the controls.
         process: standard deviation that each state gains in one second, SI; None for none.
     """
     weight = np.broadcast_to(1.0 / np.array(list(noise.values()), float), (n, len(noise)))

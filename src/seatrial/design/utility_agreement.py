@@ -87,7 +87,7 @@ def compare_utilities(
 
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the correlation of the ranks in every row, ties sharing their mean rank; NaN where a row has no spread."""
+    """Return the correlation of the ranks in every row, ties sharing their mean rank; NaN if a row has no spread."""
     a, b = (scipy.stats.rankdata(values, axis=1) for values in (x, y))
     a, b = a - a.mean(1, keepdims=True), b - b.mean(1, keepdims=True)
     scale = np.sqrt((a * a).sum(1) * (b * b).sum(1))
@@ -118,7 +118,7 @@ def _least(designs: int) -> float:
 
 def _of_ranks(correlation: float, interval: tuple[float, float]) -> str:
     if not np.isfinite(correlation):
-        return "no rank correlation, since one of them is the same for all designs"
+        return "no rank correlation, because one of them is the same for all designs"
     return f"rank correlation {correlation:.2f} ({LEVEL:.0%} interval {interval[0]:.2f} to {interval[1]:.2f})"
 
 

@@ -74,7 +74,7 @@ def of_campaign(
 
 
 def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
-    """Return the stored posterior of a structure, the chosen one where none is named.
+    """Return the stored posterior of a structure, the chosen one if none is named.
 
     Raises:
         InputError: results missing or made from another configuration, or an unknown structure.
@@ -109,15 +109,15 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     if isinstance(vehicle, WholeVehicle) and not vehicle.moves:
         raise InputError(
             campaign.where("vehicle.moves"),
-            found="a vehicle that is held: its thrust is known, and nothing of its motion",
+            found="a vehicle tied in place, which gives thrust but no motion",
             expected="a vehicle that moves",
-            remedy="name this campaign in priors_from of one whose vehicle moves, and export that",
+            remedy="name this campaign in priors_from of a campaign with motion, and export that",
         )
     if hull.mass is None:
         raise InputError(
             campaign.where("vehicle.mass"),
             found='"unknown": every coefficient is per unit of an effective mass or inertia',
-            expected="coefficients in newtons: a vehicle whose mass is known",
+            expected="coefficients in newtons, from a vehicle with a known mass",
             remedy="give the mass, and the inertia of axes that turn, and estimate again",
         )
     estimated = _estimated(
@@ -182,7 +182,7 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
         (
             *estimate.alarms,
             *(
-                f"{name} = {x:.4g} was found and is not in this export"
+                f"{name} = {x:.4g} was estimated and is not in this export"
                 for name, x in beside.items()
                 if name not in TETHER
             ),
@@ -201,8 +201,8 @@ def _with_rest(
         fitting = rest_for(alone)
         raise InputError(
             f"{FILL_FROM} {rest}",
-            found=f"a mass of {other} kg, where the coefficients were estimated with {own} kg",
-            expected="the same vehicle: coefficients that were estimated with one mass do not fit another",
+            found=f"a mass of {other} kg, but the coefficients were estimated with {own} kg",
+            expected="the same mass, because coefficients depend on it",
             remedy=(
                 f"`{FILL_FROM} {fitting}`"
                 if fitting
@@ -241,8 +241,12 @@ def _with_rest(
         provenance,
         sources=(
             *provenance.sources,
-            f"{FILL_FROM} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of other motions than the campaign's",
-            *([f"of {rest} left out, since they act in the campaign's own motion: {' '.join(gone)}"] if gone else []),
+            f"{FILL_FROM} {rest}: rigid body, weight and buoyancy, and the {len(kept)} coefficients of motions outside the campaign",
+            *(
+                [f"of {rest} left out, because they act in the motion of the campaign: {' '.join(gone)}"]
+                if gone
+                else []
+            ),
         ),
         absent=(", ".join(result.unknown_drives),) if result.unknown_drives else (),
     )
@@ -283,7 +287,9 @@ def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> Co
 
 
 def _stale(folder: Path, estimate: str, remedy: str) -> InputError:
-    return InputError(str(folder), found=estimate, expected="finished results of today's campaign.toml", remedy=remedy)
+    return InputError(
+        str(folder), found=estimate, expected="finished results of the present campaign.toml", remedy=remedy
+    )
 
 
 # A vehicle out to a target in one call, wherever it comes from: the catalogue, one's own numbers and draws, or a
@@ -305,14 +311,14 @@ def export_to(
     Args:
         what: a vehicle; a finished campaign, or its folder; or the name of a published vehicle.
         to: `gz`, `stonefish`, `fossen`, `holoocean`, `json` or `csv`.
-        folder: where its files are written.
-        draws: of a posterior of a vehicle's coefficients, whose means take the places of its own values.
-        structure: of a campaign, label of another structure than the chosen one.
-        rest: of a campaign, published vehicle from which everything comes that it does not model.
+        folder: of its files.
+        draws: of a posterior of the coefficients of a vehicle; their means replace its values.
+        structure: of a campaign, label of a structure instead of the chosen one.
+        rest: of a campaign, published vehicle with all coefficients that it does not model.
         options: of the target: `engine` of `gz`; `density` of the water, kg/m^3, of simulators.
 
     Returns:
-        what the export says of itself (`.lines`), losses in predicted motion included, and the files.
+        the statement of the export (`.lines`) with losses in predicted motion, and the files.
 
     Raises:
         InputError: an unknown target or option, or a vehicle that the target cannot hold or would make unstable; nothing is written then.
@@ -354,7 +360,7 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
             "draws",
             found=", ".join(draws.names),
             expected="coefficients of the vehicle: " + ", ".join(exported.coefficients),
-            remedy="give the vehicle a value of each term that was estimated",
+            remedy="give the vehicle a value of each estimated term",
         )
     table = draws.array(names)
     covariance = np.cov(table.T, bias=True).reshape(len(names), len(names))

@@ -149,7 +149,7 @@ def growth_rate(motion: Motion, plan: ManoeuvrePlan) -> float:
 def changes(
     vehicle: ExportedVehicle, own: Float[np.ndarray, "n 6"], other: Float[np.ndarray, "n 6"]
 ) -> tuple[MotionChange, ...]:
-    """Return the largest difference of each velocity, infinite where the other runs away, and the range of the vehicle's own.
+    """Return the largest difference of each velocity, infinite if the other runs away, and the range of the vehicle's own.
 
     Args:
         vehicle: whose velocities these are.
@@ -170,13 +170,13 @@ def changes(
 def motion_senses(
     vehicle: ExportedVehicle, motion: Motion, plan: ManoeuvrePlan, controls: Iterable[str] | None = None
 ) -> dict[str, Sense]:
-    """Return the sense of each control in a motion, from the start of a plan; empty where it moves nothing.
+    """Return the sense of each control in a motion, from the start of a plan; empty if it moves nothing.
 
     Args:
         vehicle: whose controls they are.
         motion: its own, or a target's.
         plan: manoeuvre, whose start is taken.
-        controls: those that are asked for; all where None.
+        controls: those that are asked for; all if None.
     """
     held = plan.controls(0.0)
     start = np.zeros(8)

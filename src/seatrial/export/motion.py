@@ -81,7 +81,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
 
 
 def current_in(controls: Mapping[str, Any]) -> Float[np.ndarray, " 3"]:
-    """Return the water's velocity among the controls of a motion, m/s; still water where there is none."""
+    """Return the water's velocity among the controls of a motion, m/s; still water if there is none."""
     return np.array([controls.get(name, 0.0) for name in CURRENT_IN_BODY], float)
 
 

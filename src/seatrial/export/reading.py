@@ -110,7 +110,7 @@ def _check_numbers(vehicle: ExportedVehicle) -> None:
             )
     spread, sd = vehicle.estimated.covariance, vehicle.estimated.sd
     if sd.size and np.linalg.eigvalsh(spread / np.outer(sd, sd))[0] < -_ROUNDING:
-        raise _contradiction("estimated.covariance", "correlations that no numbers have", "a covariance")
+        raise _contradiction("estimated.covariance", "impossible correlations", "a covariance")
     for name, mean in zip(vehicle.estimated.names, vehicle.estimated.mean, strict=True):
         if not np.isclose(vehicle.coefficients[name], mean, rtol=_ROUNDING, atol=0):
             raise _contradiction(
@@ -158,7 +158,7 @@ def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
     covariance = np.array(table["covariance"], float).reshape(len(names), len(names))
     spread = np.sqrt(np.diag(covariance))
     if mean.shape != sd.shape or not np.allclose(spread, sd, rtol=1e-6) or not np.allclose(covariance, covariance.T):
-        raise ValueError("a covariance that is not symmetric, or whose diagonal is not sd^2")
+        raise ValueError("a covariance that is not symmetric, or a diagonal other than sd^2")
     averaged = tuple(
         AveragedCoefficient(
             CoefficientName.parse(one["name"]).text,
@@ -202,7 +202,7 @@ def _three(values: list) -> tuple:
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError(f"{value!r} where a number stands")
+        raise ValueError(f"{value!r} instead of a number")
     return float(value)
 
 

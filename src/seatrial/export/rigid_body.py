@@ -54,7 +54,7 @@ class Drive(NamedTuple):
         control: `n`, `n_1` or `f_1`.
         place: m, forward, starboard, down.
         direction: unit vector of positive thrust.
-        factor: net thrust by n|n|, N/(rad/s)^2; None where the control is the force itself.
+        factor: net thrust by n|n|, N/(rad/s)^2; None if the control is the force itself.
         share: net of commanded force.
         lower: least control, SI.
         upper: greatest control, SI.
@@ -90,7 +90,7 @@ class Fin(NamedTuple):
 
     @property
     def turns(self) -> float:
-        """1 where a positive angle turns the fin by the right hand about the axis down (rudder) or to starboard (plane), else -1.
+        """1 if a positive angle turns the fin by the right hand about the axis down (rudder) or to starboard (plane), else -1.
 
         A fin so turned shows its leading edge to starboard, or up, and is lifted that way.
         """
@@ -207,7 +207,4 @@ def fin_force(fins: tuple[Fin, ...]) -> Motion:
 def fin_words(fins: tuple[Fin, ...]) -> str:
     """Return how fins are carried, in words."""
     names = " and ".join(f"{AXES[fin.axis]}_uu{fin.control} at x = {fin.place:.3f} m" for fin in fins)
-    return (
-        f"{names}: lift across the local flow at the fin, the same as u^2 delta where the flow is head on; it slows the vehicle besides, "
-        "and gives nothing astern"
-    )
+    return f"{names}: lift across the local flow at the fin, equal to u^2 delta in axial flow; it also slows the vehicle; zero astern"

@@ -79,9 +79,9 @@ def check_explicit_added_mass(vehicle: ExportedVehicle, target: str, limit: floa
     name = f"{AXES[axis]}_{RATES[axis]}dot"
     raise InputError(
         f'vehicle "{vehicle.name}", export to {target}, {name}',
-        found=f"{name} = {-vehicle.added_mass[axis, axis]:.6g} {vehicle.unit(name)}: added mass is {values[-1]:.3g} "
-        "times the vehicle's own",
-        expected=f"less than {limit:.3g} times that: the target applies it from the acceleration of the step before, and runs away beyond",
+        found=f"{name} = {-vehicle.added_mass[axis, axis]:.6g} {vehicle.unit(name)}: added mass is {values[-1]:.3g} times that of the "
+        f"vehicle",
+        expected=f"less than {limit:.3g} times that: the target applies it from the acceleration of the last step, and diverges above this",
         remedy=remedy,
     )
 
@@ -112,7 +112,7 @@ def dissipation_findings(
     if not power[worst] > 1e-9 * share[worst]:
         return []
     motion = ", ".join(f"{rate} = {x:.3g}" for rate, x in zip(RATES, motions[worst], strict=True) if x)
-    return [f"damping gives {power[worst]:.3g} W in the motion {motion}; it must take power in every motion"]
+    return [f"damping gives {power[worst]:.3g} W in the motion {motion}; it must dissipate in every motion"]
 
 
 def _check_mass(vehicle: ExportedVehicle, place: str) -> None:

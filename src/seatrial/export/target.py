@@ -19,7 +19,7 @@ class Carried(NamedTuple):
 
     Attributes:
         motion: accelerations in the target, in our axes.
-        lost: what it cannot carry, in words; empty where it carries everything.
+        lost: what it cannot carry, in words; empty if it carries everything.
         changed: what it carries in another form, in words.
         actuators: lags, rates and limits that it has, by control; a control without one acts at once.
         reversed: controls whose command in the target is minus the vehicle's, since the target's own convention has them so.
@@ -53,7 +53,7 @@ class Statement(NamedTuple):
         manoeuvre: the standard manoeuvre in words.
         lines: all of it as text.
         growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
-        loss_in_current: as `loss`, in the current that was estimated; None where there was none.
+        loss_in_current: as `loss`, in the current that was estimated; None if there was none.
         estimated: which coefficients were estimated, and how well.
     """
 

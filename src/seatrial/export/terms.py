@@ -1,4 +1,4 @@
-"""Coefficients sorted by the form of their regressor, which is how the targets tell them apart.
+"""Coefficients sorted by the form of their regressor, which is how the targets separate them.
 
     linear  c nu_j      modulus  c nu_j |nu_k|      product  c nu_j nu_k      fin  c u^2 delta      the rest
 
@@ -96,7 +96,7 @@ def without(vehicle: ExportedVehicle, names: Iterable[str]) -> ExportedVehicle:
 
 
 def term_losses(vehicle: ExportedVehicle, names: Iterable[str]) -> tuple[str, ...]:
-    """Return one sentence about terms that are left out; none where there are none.
+    """Return one sentence about terms that are left out; none if there are none.
 
     Args:
         vehicle: whose terms these are.
@@ -134,7 +134,7 @@ def is_asymmetric(vehicle: ExportedVehicle) -> bool:
 
 
 def _parts(name: CoefficientName) -> tuple[list[int] | None, list[int], list[str]]:
-    """Return the velocities without and with bars, and fins; None where something else is in it."""
+    """Return the velocities without and with bars, and fins; None if something else is in it."""
     plain: list[int] = []
     moduli: list[int] = []
     fins: list[str] = []

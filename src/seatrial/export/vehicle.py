@@ -25,8 +25,8 @@ from seatrial.vehicles.whole import whole_vehicle
 FILL_FROM = "--fill-from"  # The option that names a published vehicle for what a campaign does not know
 # What the numbers of `CoefficientEstimates` mean, as the files say it.
 UNCERTAINTY = (
-    "sd and covariance of a campaign contain noise, stated inputs, differences between runs and effects that the model may lack; "
-    "correlations are those of the posterior; averaged values are over all models by their probabilities, where a model without the "
+    "sd and covariance of a campaign contain noise, stated inputs, differences between runs and effects that the model may lack. "
+    "Correlations are those of the posterior. Averaged values are over all models by their probabilities; a model without the "
     "coefficient counts as zero"
 )
 SAME_MASS = 1e-3  # Difference of two masses, as a share, up to which they are the same vehicle's
@@ -182,9 +182,9 @@ def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
     if published.written is not None:
         raise InputError(
             f'vehicle "{name}"',
-            found="forces that are written out, with no named coefficient",
+            found="forces without named coefficients",
             expected="a vehicle of named coefficients",
-            remedy="that vehicle is Fossen's own: use his simulator, or export remus100_hall_anstee",
+            remedy="this vehicle is that of Fossen's simulator: use it, or export remus100_hall_anstee",
         )
     coefficients = {**published.hull.fixed, **published.coefficients}
     return ExportedVehicle(
@@ -210,11 +210,11 @@ def require_whole(vehicle: ExportedVehicle, target: str) -> None:
     unknown = [f"I_{axis}{axis}" for axis, value in zip("xyz", vehicle.hull.inertia, strict=True) if value is None]
     parts = [f"nothing about {' '.join(missing)}"] if missing else []
     parts += [f"no {', '.join(unknown)}"] if unknown else []
-    rest, known = rest_for(vehicle), "export to json or csv, which hold what is known"
+    rest, known = rest_for(vehicle), "export to json or csv, which contain all known values"
     raise InputError(
         f'vehicle "{vehicle.name}", export to {target}',
-        found="; ".join(parts) or "a mass that is unknown",
-        expected="six degrees of freedom: the target simulates all of them, and nothing is invented here",
+        found="; ".join(parts) or "an unknown mass",
+        expected="six degrees of freedom, because the target simulates all of them",
         remedy=f"for a campaign, take the rest from a published vehicle, `{FILL_FROM} {rest}`; or {known}"
         if rest
         else known,
@@ -222,7 +222,7 @@ def require_whole(vehicle: ExportedVehicle, target: str) -> None:
 
 
 def rest_for(vehicle: ExportedVehicle) -> str | None:
-    """Return the published vehicle from which the rest of one may come, None where none fits.
+    """Return the published vehicle from which the rest of one may come, None if none fits.
 
     It is whole, of the same mass, and has all of the vehicle's controls; of several, the nearest in mass, and then the one that shares
     most coefficients.

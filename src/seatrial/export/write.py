@@ -177,7 +177,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         lines.append(f"structure: {provenance.structure}")
     estimated = vehicle.estimated
     heading = "estimated, mean ± standard deviation:"
-    lines.append(heading if estimated.names else "estimated: nothing, all is published")
+    lines.append(heading if estimated.names else "estimated: nothing; all values are published")
     for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
         lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
     if estimated.quoted == "averaged":
@@ -193,7 +193,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         ("caution", provenance.cautions),
     ):
         lines += [f"{title}: {item}" for item in items]
-    lines += [f"not supported: {item}" for item in carried.lost] or ["supports everything that is known"]
+    lines += [f"not supported: {item}" for item in carried.lost] or ["supports all known terms"]
     lines += [f"in another form: {item}" for item in carried.changed]
     lines += [f"a positive command: {commands}"] if commands else []
     lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
@@ -204,15 +204,15 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         )
     if statement.growth > _SLOW_GROWTH and loss_words(statement.loss) != "none":
         lines.append(
-            "ahead at that speed the vehicle itself is unstable without control: small differences grow "
-            f"{np.exp(statement.growth):.1f} times each second, and so does whatever is lost"
+            "at that speed the vehicle is unstable without control: small differences grow "
+            f"{np.exp(statement.growth):.1f} times each second, also those of unsupported terms"
         )
     return lines
 
 
 def _change_words(change: MotionChange) -> str:
     if not np.isfinite(change.largest):
-        return f"{change.rate} runs away in the target"
+        return f"{change.rate} diverges in the target"
     share = (
         f" ({change.largest / change.range:.0%} of its range)"
         if change.range > _ROUNDING_SHARE

@@ -22,14 +22,14 @@ class Update(NamedTuple):
     """What one measurement update reports.
 
     Attributes:
-        log_likelihood: log density of the measurement given the past, 0 where nothing was measured.
+        log_likelihood: log density of the measurement given the past, 0 if nothing was measured.
         nis: normalised innovation squared; chi-squared with `n_measured` degrees of freedom if the filter is consistent.
         n_measured: channels measured.
-        innovation: measured minus predicted, NaN where missing.
+        innovation: measured minus predicted, NaN if missing.
         failed: whether a covariance lost positive definiteness.
         clipped: number of sigma points moved back to the bounds.
-        residual: innovation of each channel given those before it at the same time, 0 where missing.
-        variance: its variance, 1 where missing; the log-likelihood is that of these residuals, one after the other.
+        residual: innovation of each channel given those before it at the same time, 0 if missing.
+        variance: its variance, 1 if missing; the log-likelihood is that of these residuals, one after the other.
     """
 
     log_likelihood: Scalar
@@ -78,7 +78,7 @@ def mask_missing(space: StateSpace, measurement: Vector, predicted: Sequence[Sca
 
     Args:
         space: of m channels.
-        measurement: SI, NaN where a channel is missing.
+        measurement: SI, NaN if a channel is missing.
         predicted: what was expected of each.
     """
     present = tuple(jnp.isfinite(y) for y in measurement)

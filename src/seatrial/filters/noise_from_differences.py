@@ -31,7 +31,7 @@ def noise_from_high_pass(time: Float[np.ndarray, " n"], measured: Float[np.ndarr
 
     Args:
         time: s.
-        measured: samples, NaN where nothing was measured; differences are taken between successive measurements one
+        measured: samples, NaN if nothing was measured; differences are taken between successive measurements one
             median interval apart.
 
     Raises:

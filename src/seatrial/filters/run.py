@@ -22,7 +22,7 @@ class FilterTrace(NamedTuple):
         final: belief after the last measurement.
         means: filtered means, shape (n, d).
         sds: filtered standard deviations, shape (n, d).
-        innovations: measured minus predicted, NaN where missing, shape (n, m).
+        innovations: measured minus predicted, NaN if missing, shape (n, m).
         nis: normalised innovation squared, shape (n,).
         n_measured: channels measured, shape (n,).
         clipped: sigma points clipped at each sample, shape (n,).
@@ -61,7 +61,7 @@ def run_filter(
         method: one of the filters of this package.
         space: state space; its initial belief is that before the first measurement.
         control: control held from each sample to the next, SI.
-        measurement: NaN where a channel was not measured.
+        measurement: NaN if a channel was not measured.
         step: time from each sample to the next, s; the last entry is not used.
     """
     return _runner(method, True)(space, control, measurement, step)
@@ -92,7 +92,7 @@ def filter_within(
         method: filter.
         space: state space.
         control: control held from each sample to the next, SI.
-        measurement: NaN where a channel was not measured.
+        measurement: NaN if a channel was not measured.
         step: time from each sample to the next, s.
         growth: factor of `process_sd` over each step; None for 1.
     """

@@ -59,7 +59,7 @@ class SquareRootUnscentedKalmanFilter:
 
     Attributes:
         rule: unscented rule.
-        bounds: (lower, upper) of every state, infinite where free; None for the unconstrained filter.
+        bounds: (lower, upper) of every state, infinite if free; None for the unconstrained filter.
     """
 
     form: ClassVar[StateForm] = FactorTriangle()

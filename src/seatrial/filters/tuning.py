@@ -40,9 +40,9 @@ class TuningReport:
         erratic: total variation of each constant's estimate in the second half, over its net change plus the total variation of a
             random walk that spreads by its sd, which constants without Q stay below (the squares of a belief's steps add up to what its
             variance lost); the square says how often the data were forgotten, shape (c,).
-        nees: normalised error squared at the end for each state, NaN where the truth is unknown.
+        nees: normalised error squared at the end for each state, NaN if the truth is unknown.
         nees_band: what it may be by chance.
-        findings: what to change; empty where the filter is tuned.
+        findings: what to change; empty if the filter is tuned.
     """
 
     nis: float
@@ -72,7 +72,7 @@ def check_tuning(trace: FilterTrace, space: StateSpace, truth: Float[np.ndarray,
         InputError: fewer than 20 measurements of a channel in the second half.
     """
     if int(trace.failures) > 0:
-        raise NumericalError(f"the filter failed at {int(trace.failures)} samples: a void trace cannot be judged")
+        raise NumericalError(f"the filter failed at {int(trace.failures)} samples, so its trace cannot be judged")
     n, d = trace.means.shape
     half, final = n // 2, trace.final
     innovations = [column[np.isfinite(column)] for column in np.asarray(trace.innovations)[half:].T]

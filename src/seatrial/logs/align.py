@@ -99,7 +99,7 @@ def align(
             f'record "{label}", start and end',
             found=f"start {start or 0.0:g} s, end {'of the interval' if end is None else f'{end:g} s'}: "
             f"{instants.size} samples",
-            expected=f"at least 3 samples between 0 s and {last - first:.6g} s, where the files overlap",
+            expected=f"at least 3 samples between 0 s and {last - first:.6g} s, the overlap of the files",
             remedy=_unit_first(doubts)
             or "correct start and end, in seconds from the beginning of the overlap, or the step",
         )
@@ -120,7 +120,7 @@ def align(
             if within.size:
                 held[within] = held_mean(time, track.values, instants)[within]
             columns[name] = held
-            note = f"{within.size} instants hold the mean of what was held until the next" if within.size else ""
+            note = f"{within.size} instants have the mean of the value held until the next" if within.size else ""
         else:
             columns[name], note, blur, count = _place(time, track, instants, slack, reach)
             averaged |= {name: count} if count > 1 else {}
@@ -133,7 +133,7 @@ def align(
     if blurred:
         cautions.append(
             f"step = {step:g} s under [import] blurs the record, which may shift values: {'; '.join(blurred)}; leave step out, so that "
-            "every stamp is kept, or make it shorter"
+            f"every stamp is kept, or shorten it"
         )
     hashes = [table.sha256 for table in tables]
     options = {
@@ -156,7 +156,7 @@ def align(
 
 
 def common_interval(spans: Sequence[tuple[float, float, Role]]) -> tuple[float, float]:
-    """Return the first and last instant at which every control is known and something is measured; the first is later where there is none.
+    """Return the first and last instant at which every control is known and something is measured; the first is later if there is none.
 
     Args:
         spans: of each channel its first and last instant, s on the common clock, and its role; one channel at least.
@@ -205,13 +205,12 @@ def _constant(apart: Float[np.ndarray, " n"], step: float) -> float:
 
 
 def _of_shift(table: LogTable, other: LogTable, shift: float, step: float) -> str:
-    """Say that the clocks of two logs differ by a constant, and what to do if this is a difference of clocks alone."""
+    """Report that the clocks of two logs differ by a constant, and what to do if this is a difference of clocks alone."""
     total = Decimal(f"{table.options.get('shift', 0.0) - shift:.9f}").normalize()
     return (
         f"{table.place}: each stamp is {abs(shift):.4g} s {'after' if shift > 0 else 'before'} one of {other.place}, and both logs have a "
-        f"sample every {step:.4g} s. If the samples were taken together, this delays one log behind the other, which may decide whether "
-        f'the data support a term: write shift = "{total:f} s" under [[import.files]] of {table.place}. Leave it if they were taken at '
-        "their stamps"
+        f"sample every {step:.4g} s. If the samples are simultaneous, one log is late by this, which may change the choice of terms: "
+        f'write shift = "{total:f} s" under [[import.files]] of {table.place}. Otherwise change nothing'
     )
 
 
@@ -236,7 +235,7 @@ def _tracks(
                     f'{table.place}, channel "{channel.name}"',
                     found="no number in any row",
                     expected="samples",
-                    remedy="map another column; where the channel is made of several files, choose those of one run and one clock",
+                    remedy="map another column; if the channel is made of several files, choose those of one run and one clock",
                 )
             values = table.columns[channel.name][known]
             if channel.name in ANGLES:
@@ -252,7 +251,7 @@ def _tracks(
 
 
 def _unit_first(doubts: Sequence[str]) -> str:
-    """Return the remedy where units of time are doubted; empty where none is."""
+    """Return the remedy where units of time are doubted; empty if none is."""
     return f"correct the unit of time first: {', and '.join(doubts)}" if doubts else ""
 
 
@@ -278,14 +277,14 @@ def _interval(tracks: Sequence[_Track], doubts: Sequence[str]) -> tuple[float, f
             found=f"no common time ({text}, counted from the earliest stamp)",
             expected="files that overlap on one clock",
             remedy=_unit_first(doubts)
-            or "choose files of the same run, and time columns of the same unit; if their clocks differ, add shift under "
-            "[[import.files]] of one, which `seatrial inspect` of these files seeks",
+            or "choose files of the same run, and time columns of the same unit. If their clocks differ, add shift under "
+            "[[import.files]] of one, which `seatrial inspect` of these files estimates",
         )
     return first, last
 
 
 def _spacing(tracks: Sequence[_Track]) -> float:
-    """Return the usual spacing of the quickest channel, s; 0 where none has two samples."""
+    """Return the usual spacing of the quickest channel, s; 0 if none has two samples."""
     return min((float(np.median(np.diff(track.time))) for track in tracks if track.time.size > 1), default=0.0)
 
 
@@ -344,13 +343,13 @@ def _check_curves(
 
 
 def _sparse(tracks: Sequence[_Track], step: float | None) -> list[str]:
-    """Say that even the quickest channel has far fewer samples than the grid, as where its stamps are read in too large a unit."""
+    """Report that even the quickest channel has far fewer samples than the grid, as where its stamps are read in too large a unit."""
     spacing = _spacing(tracks)
     if step is None or spacing < _DOUBTFUL_STEPS * step:
         return []
     return [
-        f"even the quickest channel has a sample only every {spacing:.4g} s, and the record one every {step:g} s: check the unit of time "
-        "in the channel map; if it is right, make step under [import] longer"
+        f"even the fastest channel has a sample only every {spacing:.4g} s, and the record one every {step:g} s. Check the unit of time "
+        "in the channel map. If it is right, make step under [import] longer"
     ]
 
 
@@ -386,14 +385,14 @@ def _joined(holes: Iterable[_Hole]) -> list[_Hole]:
 
 
 def _of_hole(hole: _Hole, controls: Collection[str]) -> str:
-    """Say which channels fell silent, and what that does."""
+    """Return which channels fell silent, and what that does."""
     held = [name for name in hole.names if name in controls]
-    gap = f"no sample of {', '.join(hole.names)} from {hole.begin:.2f} s to {hole.end:.2f} s, though one comes every {hole.usual:.3g} s"
+    gap = f"no sample of {', '.join(hole.names)} from {hole.begin:.2f} s to {hole.end:.2f} s, but usually one every {hole.usual:.3g} s"
     if not held:
         return f"{gap}: nothing was measured, and the motion is simulated across it"
     return (
-        f"{gap}: the motion is simulated across it with the last value of {', '.join(held)}, which may be wrong; end the run there, "
-        f'end = "{hole.begin:.6g} s" in [import.trim.RUN], and give the rest a label of its own in fit, with start = "{hole.end:.6g} s" '
+        f"{gap}: the motion is simulated across it with the last value of {', '.join(held)}, which may be wrong. End the run there, "
+        f'end = "{hole.begin:.6g} s" in [import.trim.RUN], and give the rest a different label in fit, with start = "{hole.end:.6g} s" '
         "and the same file, or a copy if its path has {run}"
     )
 
@@ -412,9 +411,9 @@ def _place(
         raise InputError(
             f'{track.source}, channel "{track.channel.name}"',
             found=f"samples from {time[0]:.6g} s to {time[-1]:.6g} s, none of them within the record",
-            expected=f"samples between 0 s and {instants[-1]:.6g} s, where the controls are known",
-            remedy="choose files of the same run, or move start and end; if their clocks differ, add shift under [[import.files]] of one, "
-            "which `seatrial inspect` of these files seeks",
+            expected=f"samples between 0 s and {instants[-1]:.6g} s, the range of the controls",
+            remedy="choose files of the same run, or move start and end. If their clocks differ, add shift under [[import.files]] of one, "
+            "which `seatrial inspect` of these files estimates",
         )
     midway = near & (shift > reach - 4 * slack) & (reach > 4 * slack)
     has_own = np.zeros(instants.size, bool)
@@ -433,7 +432,7 @@ def _place(
     return (
         column,
         f"{values.size} samples, moved by at most {shift[near].max():.3g} s"
-        + (f"; {met} instants hold the mean of two or more" if met else "")
+        + (f"; {met} instants have the mean of two or more" if met else "")
         + (f"; {doubled.sum()} midway between two instants were left out" if doubled.any() else ""),
         f"is moved in time by up to {np.abs(moved).max():.2g} s, which changes it by {plain(blur)} times its noise"
         if blur > _MAX_BLUR and np.abs(moved).max() > slack
@@ -443,7 +442,7 @@ def _place(
 
 
 def _rate_over_noise(time: np.ndarray, values: np.ndarray) -> float:
-    """Return the root mean square rate of a channel over the standard deviation of its noise, 1/s; 0 where no rate stands out.
+    """Return the root mean square rate of a channel over the standard deviation of its noise, 1/s; 0 if no rate stands out.
 
     The noise is what a sample differs by from the line between its neighbours, the rate that of these lines; both variances are
     corrected for the noise of the neighbours.

@@ -30,8 +30,8 @@ _IN_DEGREES = {
 }
 # What a quaternion may be instead: which of its columns are w, x, y and z, and their signs
 _OTHER_READINGS = {
-    "q_w, q_x, q_y and q_z of the map hold x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
-    "q_w, q_x, q_y and q_z of the map hold z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
+    "q_w, q_x, q_y and q_z of the map are x, y, z and w": ((3, 0, 1, 2), (1, 1, 1, 1)),
+    "q_w, q_x, q_y and q_z of the map are z, w, x and y": ((1, 2, 3, 0), (1, 1, 1, 1)),
     "it turns the earth's axes into the body's (scale = -1 for q_x, q_y and q_z)": ((0, 1, 2, 3), (1, -1, -1, -1)),
 }
 _JUMP_ANGLE = np.radians(45.0)  # Turn in one window beyond that of the gyro from which it is a jump
@@ -52,8 +52,8 @@ def check_specific_force(tables: Sequence[LogTable]) -> None:
                 raise InputError(
                     f"{table.place}, channels {', '.join(SPECIFIC_FORCE)}",
                     found=f"a specific force of {size:.3g} m/s^2 at the median",
-                    expected="about 9.8 m/s^2, as an accelerometer shows at rest",
-                    remedy='unit = "m/s^2" with scale = 9.81 if it is in units of gravity; drop the channels if gravity was taken off',
+                    expected="about 9.8 m/s^2, the output of an accelerometer at rest",
+                    remedy='unit = "m/s^2" with scale = 9.81 if it is in units of gravity; drop the channels if gravity was removed',
                 )
 
 
@@ -81,16 +81,16 @@ def with_doubts(table: LogTable, tables: Sequence[LogTable]) -> LogTable:
     if 1 / _MAX_RATIO < ratio < _MAX_RATIO:
         return table
     caution = (
-        f'channel "psi" of {table.place}: it turns {ratio:.3g} times as fast as r of {rates.place} says: check its unit, its sign and '
+        f'channel "psi" of {table.place}: it turns {ratio:.3g} times as fast as r of {rates.place}. Check its unit, its sign and '
         "`axes`, the order of a quaternion, and the clocks"
     )
     return replace(table, cautions=(*table.cautions, caution))
 
 
 def doubts_of_gyro(tables: Sequence[LogTable]) -> list[str] | None:
-    """Say where body rates are not those with which the attitude of the same run turns: unit, sign or axes of one of them are wrong.
+    """Return where body rates are not those with which the attitude of the same run turns: unit, sign or axes of one of them are wrong.
 
-    Over windows the gyro's turn is a matrix times that of the attitude: near 1 where they agree. None where that cannot be told.
+    Over windows the gyro's turn is a matrix times that of the attitude: near 1 if they agree. None if that cannot be told.
     """
     attitude = next((one for one in tables if set(ANGLES) <= set(one.columns)), None)
     gyro = next((one for one in tables if set(_GYRO) <= set(one.columns)), None)
@@ -131,9 +131,9 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     messages = []
     if jumps.any():
         messages.append(
-            f"the attitude of {attitude.place} jumps {jumps.sum()} times where the gyro of {gyro.place} does not, by up to "
-            f"{np.degrees(far[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s: angles averaged or interpolated over a "
-            'full turn? Import the quaternion, or set residuals = "heavy" for the attitude'
+            f"the attitude of {attitude.place} jumps {jumps.sum()} times when the gyro of {gyro.place} does not, by up to "
+            f"{np.degrees(far[jumps].max()):.0f} deg, first at {start[jumps][0]:.1f} s. Are angles averaged or interpolated over a full "
+            'turn? Import the quaternion, or set residuals = "heavy" for the attitude'
         )
     matrix = np.linalg.lstsq(turns[~jumps], shown[~jumps], rcond=None)[0].T
     for i, row in enumerate(matrix):
@@ -161,8 +161,8 @@ def _doubts(attitude: LogTable, gyro: LogTable, parts: Float[np.ndarray, "4 n"])
     signs[range(3), main] = np.sign(matrix[range(3), main])
     if np.linalg.det(signs) < -0.5:
         messages.append(
-            f'channels "p", "q", "r" of {gyro.place}: compared with the attitude of {attitude.place} their axes are left-handed, which '
-            "no mounting gives: one sign is wrong, or two axes are exchanged"
+            f'channels "p", "q", "r" of {gyro.place}: compared with the attitude of {attitude.place} their axes are left-handed: one '
+            "sign is wrong, or two axes are exchanged"
         )
     return messages
 
@@ -197,14 +197,14 @@ def _turns(
 
 
 def doubts_of_speed(source: LogTable, angle: str) -> list[str]:
-    """Say where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
+    """Return where an angle changes much from one of its samples to the next, so that what lies between is doubtful."""
     change = np.abs(np.diff(np.unwrap(source.columns[angle][np.isfinite(source.columns[angle])])))
     most = float(np.quantile(change, 0.99)) if change.size else 0.0
     if most < _LARGE_CHANGE:
         return []
     return [
         f'channel "{angle}" of {source.place}: it changes by {np.degrees(most):.0f} deg from one sample to the next, and velocities over '
-        "the earth are turned by interpolated angles: use a faster log of the attitude"
+        "the earth are turned by interpolated angles. Use a faster log of the attitude"
     ]
 
 
@@ -250,7 +250,7 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
 
 
 def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
-    """Replace a quaternion by its three angles; where it is kept it stands beside them, or is made of them, without a jump of sign."""
+    """Replace a quaternion by its three angles; if it is kept it stands beside them, or is made of them, without a jump of sign."""
     if QUATERNION[0] not in table.columns:
         return _with_quaternion(table) if keeps_quaternion and set(ANGLES) <= set(table.columns) else table
     parts = np.stack([table.columns[name] for name in QUATERNION])
@@ -261,8 +261,8 @@ def _with_angles(table: LogTable, keeps_quaternion: bool) -> LogTable:
             f"{table.place}, channels {', '.join(QUATERNION)}",
             found=f"a length of {length[wrong[0]]:.3g} at {table.time[wrong[0]]:g} s; {wrong.size} such rows",
             expected="unit quaternions",
-            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others; leave out rows before the filter had started, and rows "
-            "averaged or interpolated where the quaternion changes its sign",
+            remedy="map q_w to the scalar part and q_x, q_y, q_z to the others. Leave out rows before the start of the filter, and "
+            "averages or interpolations across a change of sign",
         )
     w, x, y, z = parts
     angles = {name: np.asarray(one) for name, one in zip(ANGLES, angles_of_quaternion((w, x, y, z)), strict=True)}
@@ -306,7 +306,7 @@ def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTab
             f"{table.place}, channels {', '.join(velocities)}",
             found="no heading in any file of the run",
             expected="psi, or a quaternion, to turn them into the body's axes",
-            remedy="map the heading too: where the model does not use it, it is used for this alone",
+            remedy="map the heading too; if the model does not use it, it only turns these velocities",
         )
     angles = [np.zeros(table.time.size) if one is None else _at(one, angle, table) for angle, one in sources.items()]
     earth = [table.columns.get(name, np.zeros(table.time.size)) for name in OVER_EARTH]
@@ -341,7 +341,7 @@ def _at(source: LogTable, angle: str, table: LogTable) -> Float[np.ndarray, " n"
 def _exchange(
     table: LogTable, old: Sequence[str], new: dict[str, Float[np.ndarray, " n"]], unit: str, note: str
 ) -> LogTable:
-    """Return a log with some measurements in place of others."""
+    """Return a log with some measurements instead of others."""
     if both := [name for name in new if name in table.columns]:
         raise InputError(
             f"{table.place}, channels {', '.join(both)}",

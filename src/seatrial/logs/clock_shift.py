@@ -26,7 +26,7 @@ RIVAL_SHARE, BEST_SHARE = 0.95, 0.99
 
 
 class Samples(NamedTuple):
-    """A curve in one log: times, s, increasing, and values, NaN where there is none; shape (n,)."""
+    """A curve in one log: times, s, increasing, and values, NaN if there is none; shape (n,)."""
 
     time: Float[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
@@ -76,7 +76,7 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
     lag, correlation = _correlations(a, b)
     if lag.size == 0 or not np.isfinite(correlation).any():
         raise InputError(
-            "two curves to line up",
+            "two curves to align",
             found=f"{a.size} and {b.size} steps of {step:.3g} s, of which no {MIN_COMMON_STEPS} in common move",
             expected="curves that both move while they overlap",
             remedy="choose other columns, or type the shift",
@@ -120,7 +120,7 @@ def _known(curve: Samples, name: str) -> Samples:
     known = Samples(np.asarray(curve.time, float)[is_present], np.asarray(curve.value, float)[is_present])
     if known.time.size < MIN_COMMON_STEPS or np.ptp(known.value) == 0 or not np.ptp(known.time) > 0:
         raise InputError(
-            f"the {name} curve to line up",
+            f"the {name} curve to align",
             found=f"{known.time.size} numbers" + (", all the same" if known.time.size >= MIN_COMMON_STEPS else ""),
             expected=f"at least {MIN_COMMON_STEPS} that move",
             remedy="choose another column, or type the shift",
@@ -143,7 +143,7 @@ def _means(curve: Samples, step: float) -> Float[np.ndarray, " m"]:
 def _correlations(
     a: Float[np.ndarray, " m"], b: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " l"], Float[np.ndarray, " l"]]:
-    """Shifts by whole steps with enough in common, and Pearson's correlation of a[i + shift] and b[i] at each; NaN where one is flat."""
+    """Shifts by whole steps with enough in common, and Pearson's correlation of a[i + shift] and b[i] at each; NaN if one is flat."""
     lag = np.arange(1 - b.size, a.size)
     start, stop = np.maximum(lag, 0), np.minimum(a.size, b.size + lag)
     count = stop - start
@@ -176,7 +176,7 @@ class ClocksApart:
     Attributes:
         first: name of the log whose clock is kept.
         later: from its first stamp to that of the second log, s.
-        channel: that both logs hold and that tells the shift; empty where none does.
+        channel: that both logs hold and that tells the shift; empty if none does.
         shift: of the second log's clock.
     """
 
@@ -192,14 +192,14 @@ class ClocksApart:
         apart = f"the clocks do not meet: its first stamp is {abs(self.later):.6g} s {side} that of {self.first}"
         if self.shift is None:
             return (
-                f"{apart}, and no quantity that both logs hold tells the shift. Find something that both recorded, such as a "
-                'start or a turn, and add to this log shift = "… s", the seconds to add to its stamps'
+                f"{apart}, and no quantity in both logs gives the shift. Find an event in both, such as a start or a turn, and add to "
+                'this log shift = "… s", the seconds to add to its stamps'
             )
-        return f'{apart}; shift = "{self.shift.shift:.3f} s" adds what is missing: {self.surety}'
+        return f'{apart}; shift = "{self.shift.shift:.3f} s" adds the difference: {self.surety}'
 
     @property
     def surety(self) -> str:
-        """How sure the shift is; empty where there is none."""
+        """How sure the shift is; empty if there is none."""
         if self.shift is None:
             return ""
         rival = "" if self.shift.rival is None else f"; {self.shift.rival:.3f} s fits almost as well"
@@ -213,7 +213,7 @@ def clocks_apart(
     tables: tuple[Sequence[TableSummary], Sequence[TableSummary]],
     guessed: tuple[Sequence[Guess], Sequence[Guess]],
 ) -> ClocksApart | None:
-    """Return by how much the clocks of two logs differ; None where their stamps overlap, or a log has no clock.
+    """Return by how much the clocks of two logs differ; None if their stamps overlap, or a log has no clock.
 
     Args:
         first: log whose clock is kept.

@@ -22,7 +22,7 @@ class CellCurve(Protocol):
         ...
 
     def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return what every number stands for; NaN where the curve does not reach it, and NaN stays NaN."""
+        """Return what every number stands for; NaN if the curve does not reach it, and NaN stays NaN."""
         ...
 
     def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:
@@ -63,7 +63,7 @@ class Curve:
         self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str, remedy: str = ""
     ) -> None:
         """Refuse numbers beyond the ends, see `CellCurve`; `remedy` is added to the advice."""
-        point = f"or add a point to {self.name}, for example a row 0,0 if 0 stands for no thrust"
+        point = f"or add a point to {self.name}, for example a row 0,0 if 0 means no thrust"
         ends = self.logged[0], self.logged[-1]
         check_within(cells, time, where, ends, f"the ends of {self.name}", point + remedy)
 
@@ -150,6 +150,6 @@ def _malformed(path: Path, found: str) -> InputError:
     return InputError(
         str(path),
         found=found,
-        expected="a header, then rows of two numbers: the logged one, and what it stands for",
+        expected="a header, then rows of two numbers: the logged one, and its meaning",
         remedy="save the table as a CSV with a comma between two columns",
     )

@@ -217,14 +217,14 @@ def _named(table: TableInfo) -> str:
 
 
 def remarks(guessed: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[str, ...]:
-    """Say what needs more than a factor: the commands of thrusters, and those of axes."""
+    """Return what needs more than a factor: the commands of thrusters, and those of axes."""
     commands, sticks = [guess for guess in best(guessed) if guess.unit == COMMAND], tuple(map(_sticks, tables))
     if not commands:
         return tuple(filter(None, sticks))
     first, last = commands[0], commands[-1]
     return (
         *filter(None, sticks),
-        f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters: give the maker's table of thrust "
+        f"{first.table}: {first.column} to {last.column} may be pulse widths or outputs to the thrusters. Give the maker's table of thrust "
         f"over them under [vehicle.thrust_laws], for channels {first.channel} to {last.channel} in the unit "
         f'"{COMMAND}", or as the `curve` of a channel',
         *_still(guessed, first),
@@ -232,7 +232,7 @@ def remarks(guessed: Sequence[Guess], tables: Sequence[TableSummary]) -> tuple[s
 
 
 def _sticks(table: TableSummary) -> str:
-    """Name the columns that hold commands of axes, as a radio control sends them; empty where there are none."""
+    """Name the columns that hold commands of axes, as a radio control sends them; empty if there are none."""
     numbers = {column.name: rc_channel(_named(table.info), table.info.kind, column.name) for column in table.columns}
     known = {name: number for name, number in numbers.items() if number is not None}
     first = 0 if 0 in known.values() else 1
@@ -242,9 +242,9 @@ def _sticks(table: TableSummary) -> str:
     if not axes:
         return ""
     return (
-        f"{table.info.name}: {axes} (the order of ArduSub) are commands of axes, not of thrusters: give each thruster the sum that the "
-        f'autopilot\'s mixer makes of them, such as channels.f_1 = {{ sum = "…", unit = "{COMMAND}" }}, with an `offset` where pulse '
-        "widths at rest do not give the neutral of its law"
+        f"{table.info.name}: {axes} (the order of ArduSub) are commands of axes, not of thrusters. Give each thruster the sum that the "
+        f'mixer of the autopilot gives, such as channels.f_1 = {{ sum = "…", unit = "{COMMAND}" }}, with an `offset` if pulse widths at '
+        "rest differ from the neutral of its law"
     )
 
 
@@ -254,7 +254,7 @@ def _still(guessed: Sequence[Guess], first: Guess) -> Iterator[str]:
     if still:
         ends = ([guess.column for guess in still], [guess.channel for guess in still])
         names, channels = (" to ".join(dict.fromkeys((some[0], some[-1]))) for some in ends)
-        yield f"{first.table}: {names} never change: map them too, as {channels}, if they are thrusters that stood still"
+        yield f"{first.table}: {names} never change: map them too, as {channels}, if they are thrusters at rest"
 
 
 def _full_name(table: TableSummary, column: ColumnSummary) -> str:
@@ -330,7 +330,7 @@ def _by_output(table: TableSummary, column: ColumnSummary, names: Collection[str
         number = _from_one(number, column.name, names)
     if not number or number > MAX_ELEMENTS:
         return None
-    reason = "pulse width or output; [vehicle.thrust_laws] makes thrust of it: check the order"
+    reason = "pulse width or output; [vehicle.thrust_laws] converts it to thrust: check the order"
     return Guess(f"f_{number}", table.info.name, column.name, COMMAND, 1.0, "NED", "control", reason, 1)
 
 
@@ -361,7 +361,7 @@ def _by_thruster(table: TableSummary, column: ColumnSummary, names: Collection[s
 
 
 def _force_or_command(column: ColumnSummary, is_force: bool) -> tuple[str, float, str] | None:
-    """Return the unit, factor and reason for numbers of a thruster in no stated unit; None where they may be either."""
+    """Return the unit, factor and reason for numbers of a thruster in no stated unit; None if they may be either."""
     ends = (column.least, column.greatest)
     size = max(map(abs, ends))
     if is_force:
@@ -449,13 +449,13 @@ def _of_quaternion(table: TableSummary, column: ColumnSummary) -> Guess | None:
 
 
 def unit_by_name(column: str, channel: str) -> tuple[str, float] | None:
-    """Return the unit that the name of a column ends with and the factor to it; None where it ends with none of the channel's kind."""
+    """Return the unit that the name of a column ends with and the factor to it; None if it ends with none of the channel's kind."""
     units = name_and_units(column.lower().replace(" ", "_")).units
     return next(filter(None, (known_unit(unit, channel) for unit in units)), None)
 
 
 def known_unit(unit: str, channel: str) -> tuple[str, float] | None:
-    """Return the unit that seatrial knows and the factor to it, None where it has another dimension."""
+    """Return the unit that seatrial knows and the factor to it, None if it has another dimension."""
     unit = _SPELLING.get(unit, unit)
     if channel == "n":
         unit = _REVOLUTIONS.get(unit.lower(), unit)
@@ -472,7 +472,7 @@ def known_unit(unit: str, channel: str) -> tuple[str, float] | None:
 
 
 def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[str, float, str] | None:
-    """Return the unit, factor and where they are from; None where the stated unit is one of something else."""
+    """Return the unit, factor and where they are from; None if the stated unit is one of something else."""
     stated = () if column.unit is None else (column.unit,)
     for units, source in ((stated, "the log states its unit"), (hinted, "its unit by the name")):
         if units:
@@ -491,8 +491,8 @@ def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[s
             "its unit by the name" if "rpm" in column.name.lower() else "its unit by its range",
         )
     if signal_unit(channel) == str(SPEED) and size > MAX_SPEED:
-        return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is beyond any vehicle: or mm/s, km/h, kn?"
-    return _text_unit(channel), 1.0, "its unit is not known: SI"
+        return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is too fast for a vehicle: or mm/s, km/h, kn?"
+    return _text_unit(channel), 1.0, "unknown unit: SI"
 
 
 def _text_unit(channel: str) -> str:

@@ -27,7 +27,7 @@ _MAX_ELEMENT_LINES = 16  # Elements of an array up to which each has a line wher
 
 # What is said where nothing could be guessed
 NO_GUESS_LINES = (
-    "no column could be guessed. Sought were speeds, rates, angles, depth, position, propeller, rudder, forces and outputs to thrusters,",
+    "no column could be guessed, of speeds, rates, angles, depth, position, propeller, rudder, forces and outputs to thrusters,",
     "by names such as u, yaw_rate, heading, depth, rpm, rudder, tau_x or out1, and by types of message. Write the map yourself: `--map`",
     'prints the [[import.files]] of a campaign file; add a line for each channel, such as channels.u = { column = "...", unit = "m/s" }',
 )
@@ -52,7 +52,7 @@ class LogSummary:
     remarks: tuple[str, ...]
 
     def lines(self) -> list[str]:
-        """Say what was found, for people."""
+        """Return what was found, for people."""
         count = len(self.tables)
         lines = [f"{self.log.path.name}: {self.kind}, {count} table{'s' if count != 1 else ''}"]
         for table in self.tables:
@@ -175,22 +175,22 @@ def inspect_log(
     *,
     progress: Callable[[float], None] = lambda done: None,
 ) -> LogSummary:
-    """Look through a log in one pass, keeping sums only.
+    """Summarise a log in one pass, with sums only.
 
     Args:
         path: of the log.
         table: the only one to look at; all by default.
         layout: of its text.
-        progress: told the share of the log that was read.
+        progress: receives the share of the log that was read.
 
     Returns:
-        its tables with their columns, units and clocks, and which signal each column may be; `lines()` says it in words.
+        its tables with their columns, units and clocks, and the likely signal of each column; `lines()` has them in words.
 
     Raises:
         InputError: a log that cannot be read.
     """
     path = check_path(path, "log, path")
-    check_kind(layout, TextLayout, "log, layout", "leave it out: the layout of text is found")
+    check_kind(layout, TextLayout, "log, layout", "leave it out: seatrial finds the layout of text")
     if table is not None:
         check_text(table, "log, table", "name the table, or leave it out")
     log = LogFile(path, layout)
@@ -230,9 +230,7 @@ def _with_lines(log: LogFile, tables: Sequence[TableSummary], guessed: Sequence[
             if looks_measured(time[goes_on], values[goes_on].astype(float))
         }
     return tuple(
-        replace(
-            one, between="line", reason=f"{one.reason}; it changes at nearly every sample, as a measured control does"
-        )
+        replace(one, between="line", reason=f"{one.reason}; it changes at nearly every sample, like a measured control")
         if one.role == "control" and (one.table, one.column) in measured
         else one
         for one in guessed
@@ -245,14 +243,14 @@ class LogsTogether:
 
     Attributes:
         logs: as they were given.
-        only: channels to map; all that were guessed where none is named.
+        only: channels to map; all guessed ones if none is named.
     """
 
     logs: tuple[LogSummary, ...]
     only: tuple[str, ...] = ()
 
     def lines(self) -> list[list[str]]:
-        """Say what each holds, and how far its clock is from that of the run's first log where they do not meet."""
+        """Return what each holds, and how far its clock is from that of the run's first log where they do not meet."""
         apart = self._apart()
         return [[*one.lines(), *(("", apart[at].words) if at in apart else ())] for at, one in enumerate(self.logs)]
 
@@ -260,7 +258,7 @@ class LogsTogether:
         """Return the guessed map of each, a channel of a run being mapped from the first log that has it.
 
         A log without a channel that the logs before it lack is another run: by the same map where its columns are those of one of them,
-        else by a map of its own, and `runs` says then whose each map is.
+        else by a separate map, and `runs` says then whose each map is.
         """
         (runs, alike), apart = self._runs(), self._apart()
         # A name for the run of each log: that of its file, or a number where two files are called alike.
@@ -278,7 +276,7 @@ class LogsTogether:
             at = next(iter(one))
             named = ", ".join(_quoted(label) for label in labels)
             maps[at] = (
-                f"# {self.logs[at].log.path.name}: another run, {label}, with columns of its own. Name the runs under [import]: "
+                f"# {self.logs[at].log.path.name}: another run, {label}, with other columns. Name the runs under [import]: "
                 f"fit = [{named}].\n# If it is another file of the run above, leave this map and `runs` out.\n{maps[at]}"
             )
         for at in alike:
@@ -336,7 +334,7 @@ def _unused_lines(table: TableSummary, used: Collection[str]) -> Iterator[str]:
     others = {*used, *(clock.name for clock in table.clocks)}
     columns = [one for one in table.columns if one.name not in others and not one.trouble]
     if columns:
-        yield "# No channel uses these columns; give a line to each that the model needs:"
+        yield "# No channel uses these columns; add a line for each that the model needs:"
     width = max((len(one.name) for one in columns[:_MAX_ELEMENT_LINES]), default=0)
     yield from (f"#   {one.name:<{width}}  {_column_text(one)}" for one in columns[:_MAX_ELEMENT_LINES])
     if len(columns) > _MAX_ELEMENT_LINES:
@@ -406,8 +404,10 @@ def _clock_text(clock: ClockSummary) -> str:
 
 
 def clock_doubt(clock: ClockSummary) -> str:
-    """Say that a clock was guessed, or which unit would make rows as frequent as usual; empty where nothing is doubted."""
-    guessed = "" if clock.is_named else "guessed, as it rises in every row, most evenly: check the column, and its unit"
+    """Report that a clock was guessed, or which unit would make rows as frequent as usual; empty if nothing is doubted."""
+    guessed = (
+        "" if clock.is_named else "guessed, because it rises in every row, most evenly: check the column, and its unit"
+    )
     step = 1.0 / clock.rate
     best = likelier_unit(step / to_si(1.0, clock.unit, "s", clock.name), clock.unit) if clock.rate > 0 else None
     unit = f'a row every {step:.3g} s: is its unit "{best}", not "{clock.unit}"?' if best else ""

@@ -57,7 +57,7 @@ def body_tables(
     Args:
         tables: of `read_log_table`.
         roles: channels to keep, and whether each drives the vehicle or observes it.
-        wanted: measurements that are of use even where they never move; others that do not are left out; None to keep all.
+        wanted: measurements that are of use even if they never move; others that do not are left out; None to keep all.
 
     Raises:
         InputError: as `to_body`.
@@ -76,7 +76,7 @@ def join_logs(
     conditions: Sequence[Condition] = (),
     commanded: Commanded | None = None,
 ) -> Record:
-    """Put the logs of a run on one axis between its ends: where none are stated, those of what was commanded.
+    """Put the logs of a run on one axis between its ends: if none are stated, those of what was commanded.
 
     Args:
         tables: of `body_tables`.

@@ -173,7 +173,7 @@ def rc_channel(table: str, kind: str, column: str) -> int | None:
 
     Args:
         table: its name.
-        kind: type of its messages, empty where it is not known.
+        kind: type of its messages, empty if it is not known.
         column: its name.
     """
     message, field = message_and_field(table, column)

@@ -34,7 +34,7 @@ from seatrial.logs.summary import clock_summary, disagreement
 from seatrial.logs.time_stamps import check_unit, checked_time, elapsed, unit_doubt
 
 # What is said of a control that may be measured
-LOOKS_MEASURED = "it changes at nearly every sample, as what is measured does"
+LOOKS_MEASURED = "it looks measured, not commanded (it changes at nearly every sample)"
 # Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column
 # states
 SAME_UNIT = 0.02
@@ -133,7 +133,7 @@ class Stamped:
         return _finite(self.raw, column, self.where)[self.kept]
 
     def words(self, column: str) -> np.ndarray:
-        """Return a column of words, empty where a row has none; of numbers as they are."""
+        """Return a column of words, empty if a row has none; of numbers as they are."""
         return self.raw.columns[column][self.kept]
 
 
@@ -161,7 +161,7 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
                 f'{where}, column "{name}"',
                 found="words",
                 expected="a column of numbers",
-                remedy="words may stand in conditions of [[import.keep]] only; map another column",
+                remedy="only conditions of [[import.keep]] may use words; map another column",
             )
     table, every = info.name if info else "", list(dict.fromkeys((*clocks, *columns, *words)))
     others = () if info is None or form.is_text else info.clocks
@@ -187,14 +187,14 @@ def read_stamped(source: LogSource, columns: Sequence[str], words: Sequence[str]
 
 
 def _measured(source: LogSource, table: LogTable) -> Iterator[str]:
-    """Say which controls look measured, and are held from sample to sample because nothing else is said."""
+    """Return which controls look measured, and are held from sample to sample because nothing else is said."""
     for name, column in source.channels.items():
         if column.role != "control" or column.between is not None:
             continue
         if half_a_step_matters(table.columns[name]) and looks_measured(table.time, table.columns[name]):
             yield (
-                f'channel "{name}" of {table.place}: {LOOKS_MEASURED}; held from each sample to the next, it is half a sample late: '
-                'add between = "line" to this channel, or between = "held" if it is a command'
+                f'channel "{name}" of {table.place}: {LOOKS_MEASURED}. As a step input it is half a sample late: add between = "line" to '
+                f'this channel, or between = "held" if it is a command'
             )
 
 
@@ -221,7 +221,7 @@ def _reached(
 def in_si(source: LogSource, name: str, cells_of: Callable[[str], Float[np.ndarray, " n"]]) -> Float[np.ndarray, " n"]:
     """Return a channel as the map makes it of its columns, see `ColumnMap`, in SI.
 
-    It is NaN where one of them is a gap, or a number that the curve or the law does not reach.
+    It is NaN if one of them is a gap, or a number that the curve or the law does not reach.
 
     Args:
         source: whose map it is.
@@ -271,7 +271,7 @@ def _other_unit(read: "Stamped", log: str) -> tuple[str, ...]:
 
 
 def _other_clocks(read: "Stamped", source: LogSource) -> tuple[str, ...]:
-    """Say that another clock of the table runs over another time than the one that is used."""
+    """Report that another clock of the table runs over another time than the one that is used."""
     log = log_file(source)
     info = read.info or pick(catalogue(log), source.table, str(source.path))
     units = {name: info.unit(name) or "s" for name in info.clocks} | {read.clock: read.clock_unit}
@@ -291,7 +291,7 @@ def _other_clocks(read: "Stamped", source: LogSource) -> tuple[str, ...]:
 
 
 def _other_units(source: LogSource, info: TableInfo | None) -> Iterator[str]:
-    """Say which columns have another unit by what the log states, or by their names, than by the map."""
+    """Return which columns have another unit by what the log states, or by their names, than by the map."""
     for name, column in source.channels.items():
         if column.parts or column.curve is not None:
             continue
@@ -349,7 +349,7 @@ def _clocks(source: LogSource, info: TableInfo | None, where: str) -> dict[str, 
     if not clocks:
         raise InputError(
             f"{where}, time_column",
-            found="nothing, and no column that is the time by its name",
+            found="nothing, and no column has the name of a time",
             expected="the column of the time stamps",
             remedy="name it and its unit; `seatrial inspect` lists the columns",
         )
@@ -416,7 +416,7 @@ def _finite(raw: RawTable, name: str, where: str) -> Float[np.ndarray, " n"]:
 
 
 def _no_number(empty: str, column: ColumnMap, info: TableInfo | None, where: str) -> InputError:
-    """Say that a channel has no number, and of an element beyond the end of its array that there is none.
+    """Report that a channel has no number, and of an element beyond the end of its array that there is none.
 
     Args:
         empty: the column without a number; no name where only a sum has none.
@@ -435,12 +435,12 @@ def _no_number(empty: str, column: ColumnMap, info: TableInfo | None, where: str
 
 
 def _no_element(name: str, elements: Sequence[str], where: str) -> InputError:
-    """Say how many elements an array has, and how they are counted."""
+    """Return how many elements an array has, and how they are counted."""
     return InputError(
         f'{where}, column "{name}"',
         found=f"no such element: {name.rpartition('[')[0]} has {len(elements)}",
         expected=f"{elements[0]} to {elements[-1]}",
-        remedy="count from 0; `seatrial inspect` shows what each element holds",
+        remedy="count from 0; `seatrial inspect` shows the range of each element",
     )
 
 

@@ -1,6 +1,6 @@
 """Does a control look measured, or does it jump and stay, as a command that is held?
 
-What is measured moves at nearly every sample, by the noise of its sensor, also where it stays level. What is measured without noise changes
+What is measured moves at nearly every sample, by the noise of its sensor, also if it stays level. What is measured without noise changes
 smoothly: both neighbours of a sample then predict it better than the one before. Of jumps the mean of the squared errors of the two
 predictions has the ratio 2, and of a ramp over n samples 2 n. A command that jumps between few levels at nearly every sample, as a random
 telegraph does, is often at the first or the last of them; noise that is rounded seldom is.
@@ -28,11 +28,11 @@ MAX_NEIGHBOUR_STEPS = 5.0  # Median steps beyond which samples are no neighbours
 
 
 def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"]) -> bool:
-    """Return whether a control changes at nearly every sample, smoothly or by noise; False where too few samples tell.
+    """Return whether a control changes at nearly every sample, smoothly or by noise; False if too few samples tell.
 
     Args:
         time: of the samples, s, increasing.
-        values: of the control in any unit, NaN where there is none.
+        values: of the control in any unit, NaN if there is none.
     """
     known = np.isfinite(values)
     t, x = time[known], values[known]
@@ -45,10 +45,10 @@ def looks_measured(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"
 
 
 def taken_as_measured(name: str, function: str) -> str:
-    """Say that a control of which nothing is stated is taken as measured, and which argument of a function of Python states it."""
+    """Report that a control of which nothing is stated is taken as measured, and which argument of a function of Python states it."""
     return (
-        f"control {name}: it changes at nearly every sample, as what is measured does, and is taken as a straight line from each sample to "
-        f'the next: state between={{"{name}": "line"}} in {function}, or between={{"{name}": "held"}} if it is a command'
+        f"control {name}: it looks measured, not commanded (it changes at nearly every sample), so it is a line between "
+        f'samples. State between={{"{name}": "line"}} in {function}, or between={{"{name}": "held"}} if it is a command'
     )
 
 
@@ -56,7 +56,7 @@ def half_a_step_matters(values: Float[np.ndarray, " n"]) -> bool:
     """Return whether a control changes so much from sample to sample that half a sample of delay may move a result.
 
     Args:
-        values: of the control in any unit, NaN where there is none.
+        values: of the control in any unit, NaN if there is none.
     """
     known = values[np.isfinite(values)]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers that are none are refused elsewhere

@@ -246,9 +246,7 @@ def record_of_table(
         described.append(Channel(name, si, "control" if name in commanded else "measurement"))
         by_name = unit_by_name(column, name)
         if by_name and not isclose(by_name[1] * to_si(1.0, by_name[0], si, place), factor, rel_tol=SAME_UNIT):
-            cautions.append(
-                f'channel "{name}": column "{column}" is given in "{unit}", and its name says "{by_name[0]}"'
-            )
+            cautions.append(f'channel "{name}": column "{column}" is given in "{unit}", but by its name "{by_name[0]}"')
             warnings.warn(f"{where}, {cautions[-1]}", stacklevel=2)
     options = {"columns": {name: list(pair) for name, pair in channels.items()}} | (
         {"cautions": cautions} if cautions else {}

@@ -138,7 +138,7 @@ def _modes(numbers: np.ndarray, table: str, comparison: Comparison, source: LogS
 
 
 def longest(spans: Sequence[Sequence[Span]], within: Span) -> Span | None:
-    """Return the longest stretch over which one span of each condition holds, inside another; None where there is none."""
+    """Return the longest stretch over which one span of each condition holds, inside another; None if there is none."""
     common = [within]
     for some in spans:
         common = [(max(a, c), min(b, d)) for a, b in common for c, d in some if max(a, c) < min(b, d)]

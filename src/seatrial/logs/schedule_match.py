@@ -6,7 +6,7 @@ With the correlation of what was commanded and what the controls did, from a sta
 
 over what the log holds of the trial, about the means there, each control k in units of its commanded standard deviation, the start is
 that which explains most motion of the log, r^2 sum_k |x_k|^2, among those whose correlation is nearly the largest (in size: a control
-may be logged the other way round). One that follows late is found late by as much: only a common clock could tell the two apart.
+may be logged the other way round). One that follows late is found late by as much: only a common clock could separate the two.
 """
 
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ class ControlMatch:
         """In a sentence."""
         factor, unit = shown_unit(self.name)
         return (
-            f"{self.name} within {self.rms * factor:.3g} {unit} (rms; at most {self.largest * factor:.3g}) of what was commanded, "
+            f"{self.name} within {self.rms * factor:.3g} {unit} (rms; at most {self.largest * factor:.3g}) of the command, "
             f"{self.gain:.0%} of its amplitude"
         )
 
@@ -74,7 +74,7 @@ class ScheduleMatch:
     """Where a commanded trial was run, and how well.
 
     Attributes:
-        start: of it on the clock of the record, s; below 0 where it had begun before.
+        start: of it on the clock of the record, s; below 0 if it had begun before.
         duration: of it, s.
         length: of the record, s.
         controls: that the record has.
@@ -104,7 +104,7 @@ class ScheduleMatch:
     def cautions(self) -> list[str]:
         """What a reader must know before believing that this was the trial."""
         return [
-            f"{one.name} did not follow what was commanded well: correlation {one.correlation:.2f}, {one.words}; the fit uses what it did"
+            f"{one.name} did not follow the command well: correlation {one.correlation:.2f}, {one.words}; the fit uses the logged values"
             for one in self.controls
             if one.correlation < GOOD_CORRELATION or not USUAL_GAINS[0] <= one.gain <= USUAL_GAINS[1]
         ]
@@ -144,7 +144,7 @@ def match_schedule(
             found=f"no stretch in which {', '.join(names)} moves as in {source}; the likeliest begins at {start:.4g} s, "
             f"correlation {correlation:.2f}",
             expected=f"a log of that trial, correlation {MIN_CORRELATION:g} or more",
-            remedy="name the schedule that was run, or check the columns of the controls",
+            remedy="name the schedule of this run, or check the columns of the controls",
         )
     for one in every:
         _check_reading(record, one, source)
@@ -212,15 +212,15 @@ def _check_reading(record: Record, match: ControlMatch, source: str) -> None:
     if match.correlation < -MIN_CORRELATION:
         raise InputError(
             place,
-            found=f"the opposite of what {source} commands, correlation {match.correlation:.2f}",
-            expected="a control that goes the way it was commanded",
-            remedy="turn the column round with scale = -1, or the schedule",
+            found=f"the opposite of the commands of {source} commands, correlation {match.correlation:.2f}",
+            expected="a control in the direction of its command",
+            remedy="reverse the column with scale = -1, or the schedule",
         )
     misread = [text for ratio, text in _MISREAD.items() if abs(match.gain / ratio - 1) < 0.1]
     if match.correlation > GOOD_CORRELATION and misread:
         raise InputError(
             place,
             found=f"{match.gain:.4g} times what {source} commands: {misread[0]}?",
-            expected="the unit in which the column is logged",
+            expected="the unit of the column",
             remedy="correct `unit` of the column in [import.files], or the unit in the header of the schedule",
         )

@@ -102,7 +102,7 @@ class CurvedCells:
 
     Attributes:
         curve: what they stand for.
-        cells: as logged, or the command that a sum makes; NaN where empty, shape (n,).
+        cells: as logged, or the command that a sum makes; NaN if empty, shape (n,).
         where: log and column, for errors.
     """
 
@@ -118,7 +118,7 @@ class LogTable:
     Attributes:
         time: seconds since `epoch`, strictly increasing, shape (n,).
         epoch: exact stamp of the first row, s, on the clock of the file.
-        columns: for each channel its samples in SI, NaN where the cell was empty, shape (n,). A number that no curve reaches has the
+        columns: for each channel its samples in SI, NaN if the cell was empty, shape (n,). A number that no curve reaches has the
             value before it; `align` refuses it in a row that is kept.
         channels: name, unit and role of each.
         source: name of the file.

@@ -300,7 +300,7 @@ def clock_summary(name: str, unit: str, stamps: np.ndarray) -> ClockSummary:
 
 
 def disagreement(clocks: Sequence[ClockSummary]) -> str:
-    """Say that clocks of one table run over different times, and which of them may count rows; empty where none does.
+    """Report that clocks of one table run over different times, and which of them may count rows; empty if none does.
 
     Times of arrival in bursts are left out: the first rows may have come late by seconds.
     """

@@ -130,9 +130,9 @@ def even_clock(arrival: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"
     longest = time[: stretches[0].size] if len(stretches) == 1 else _even_stretch(max(stretches, key=len))
     delay = np.maximum(arrival - time, 0.0)
     quiet = max(part.min() for part in np.array_split(delay, min(10, delay.size)))
-    parts = f" in each of {len(stretches)} stretches, between which rows are lost" if len(stretches) > 1 else ""
+    parts = f" in each of {len(stretches)} stretches, separated by lost rows" if len(stretches) > 1 else ""
     return time, [
-        f"clock rebuilt{parts}: period {(longest[-1] - longest[0]) / max(longest.size - 1, 1):.6g} s; rows arrived "
+        f"clock rebuilt{parts}: period {(longest[-1] - longest[0]) / max(longest.size - 1, 1):.6g} s. Rows arrived "
         f"{np.median(delay):.3g} s late at the median and "
         f"{delay.max():.3g} s at most; in every tenth of the rows one was at most {quiet:.2g} s late"
     ]
@@ -176,7 +176,7 @@ def likelier_unit(step: float, unit: str) -> str | None:
 
 
 def unit_doubt(time: Float[np.ndarray, " n"], unit: str) -> str:
-    """Say which unit would make rows as frequent as a vehicle's log has them, where the stated one does not; empty where it does.
+    """Return which unit would make rows as frequent as a vehicle's log has them, where the stated one does not; empty if it does.
 
     Args:
         time: s, as the unit says, rising, shape (n,).

@@ -71,7 +71,7 @@ class Loop:
             before: what it remembers.
             count: samples since the beginning of the trial.
             wanted: set-point, SI.
-            seen: what sensors show, by channel, SI, NaN where nothing is measured.
+            seen: what sensors show, by channel, SI, NaN if nothing is measured.
         """
         shown = seen[self.holds]
         y = jnp.where(jnp.isfinite(shown), shown, before.seen)

@@ -35,24 +35,24 @@ class Beside:
 
 @dataclass(frozen=True)
 class Family:
-    """What all members share, a trial's timing and shape; SI.
+    """Timing and shape of a trial, which all members share; SI.
 
     Attributes:
-        control: channel that is driven; others stay at trim.
+        control: driven channel; others stay at trim.
         trim: its trim value.
         duration: of the trial, s.
-        active: time from the start for which the control may differ from trim, s; the quiet tail that follows is informative too.
+        active: time from the start in which the control may differ from trim, s; the tail at trim is informative too.
         sample_time: s.
         start: when the control first leaves trim, s.
         ramp: time every edge takes, from one level to the next, s; 0 for steps.
         kind: shape, such as `step`, `doublet`, `repeated-doublet`, `multistep-3211`, `random-steps`, `multisine` or `chirp`; the reference
             of the campaign file lists all of them.
         seed: of random levels.
-        ended: when the trial is ended, s, which may be before the input has come to its end; None for its whole duration.
-        beside: other controls that run the same shape at the same time, each so that they can be told apart (see `Shape.part`).
+        ended: end of the trial, s, possibly before the end of the input; None for its whole duration.
+        beside: other controls that run the same shape at the same time, each so that they can be separated (see `Shape.part`).
 
     Raises:
-        InputError: a shape that there is not, a time that is none, or times that contradict each other.
+        InputError: an unknown shape, an invalid time, or times that contradict each other.
     """
 
     control: str
@@ -69,7 +69,7 @@ class Family:
 
     def __post_init__(self) -> None:
         """Refuse settings that no trial has."""
-        check_text(self.control, "Family, control", 'name the control that is driven, for example "n"')
+        check_text(self.control, "Family, control", 'name the driven control, for example "n"')
         check_number(self.trim, "Family, trim")
         check_choice(self.kind, SHAPES, "Family, kind")
         for name in ("duration", "active"):
@@ -114,7 +114,7 @@ class Family:
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """What each control runs, the driven one first."""
+        """Shape of each control, the driven one first."""
         if not self.beside:
             return (Part(self.shape),)
         longer = (1.0, *(one.period for one in self.beside))
@@ -190,19 +190,19 @@ class Family:
 
         Args:
             amplitude: change of the control from trim, SI.
-            period: what the shape takes for it, s.
+            period: of the shape, s.
             held: values at which other controls are held, SI.
 
         Raises:
-            InputError: an amplitude that is none, a period that does not fit, or a value for the driven control.
+            InputError: an invalid amplitude, a period that does not fit, or a value for the driven control.
         """
         driven = schedule_of(self.manoeuvre(amplitude, period), self.sample_time)
         for name in driven.controls:
             if name in held:
                 raise InputError(
                     f"manoeuvre {self.words}, {name}",
-                    found="a value at which it is held",
-                    expected="other controls only: this one is driven",
+                    found="a constant value",
+                    expected="only other controls, because this one is driven",
                     remedy="set `trim` of the family",
                 )
         size = driven.time.size
@@ -210,7 +210,7 @@ class Family:
         return Schedule(driven.time, {**driven.controls, **others})
 
     def expected(self) -> dict[str, str]:
-        """Say what a period has to be, and how to mend one that is not, for errors."""
+        """Return the condition of a period and its remedy, for errors."""
         shortest = max(self.ramp, self.sample_time) / self._turns
         whole = float(self.shape.longest(1.0))
         longest = whole * self.active / (self._longest + whole * max(part.delay for part in self.parts))

@@ -62,7 +62,7 @@ class SteppedInput:
         return share[:, None] * (column == now) + (1.0 - share[:, None]) * (column == before)
 
     def rates(self) -> Float[np.ndarray, "r m"]:
-        """Return the rows that map changes of the levels to rates of the control, per s; none where it has steps.
+        """Return the rows that map changes of the levels to rates of the control, per s; none if it has steps.
 
         They are the differences of neighbouring levels, trim at both ends, over the edge.
         """

@@ -39,7 +39,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of a control channel; None where there is none.
+    """Bounds of a control channel; None for no bound.
 
     Attributes:
         lower: least value, SI.
@@ -63,7 +63,7 @@ class Limits:
             check_order(self.lower, self.upper, "Limits")
 
     def excess(self, control: np.ndarray, sample_time: float) -> dict[str, tuple[float, float]]:
-        """Return the bounds that are broken: name to (largest value found, bound). Empty where all hold.
+        """Return the broken bounds: name to (largest value found, bound). Empty if all are kept.
 
         Args:
             control: sampled control, SI, time along the last axis.

@@ -27,7 +27,7 @@ class Pilot(Protocol):
         Args:
             memory: from the sample before.
             time: of the sample, s.
-            seen: what the sensors of `outputs` show, SI; NaN where nothing is measured.
+            seen: what the sensors of `outputs` show, SI; NaN if nothing is measured.
             told: what the schedule commands at this sample, SI.
         """
         ...
@@ -43,7 +43,7 @@ class Moment(NamedTuple):
     Attributes:
         time: s.
         told: what the schedule commands, SI.
-        error: of each channel that is fed back, SI; NaN where nothing is measured.
+        error: of each channel that is fed back, SI; NaN if nothing is measured.
     """
 
     time: Any

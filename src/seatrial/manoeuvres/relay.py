@@ -34,7 +34,7 @@ class RelayFamily:
         sample_time: s.
         start: when the control first leaves trim, to the positive side, s.
         active: time for which the relay acts, s; the control returns to trim afterwards.
-        effect: +1 where more control raises the output, -1 where it lowers it (stern plane on pitch).
+        effect: +1 if more control raises the output, -1 if it lowers it (stern plane on pitch).
         rate: fastest change of the control, per s.
     """
 
@@ -65,7 +65,7 @@ class RelayFamily:
         )
 
     def as_plain(self) -> dict[str, Any]:
-        """Return the family for a file, None where a number is infinite."""
+        """Return the family for a file, None if a number is infinite."""
         plain = {name: None if value == inf else value for name, value in asdict(self).items()}
         return {**plain, "trim": [list(pair) for pair in self.trim]}
 
@@ -164,7 +164,7 @@ def run_relay(
         amplitude: of the control, SI.
         threshold: change of the output from trim at which the control is reversed, SI.
         start: dynamic states and coefficients, in the units of `space`.
-        noise: added to the output that is fed back; NaN where it is not measured; None for a perfect sensor.
+        noise: added to the output that is fed back; NaN if it is not measured; None for a perfect sensor.
     """
     error = jnp.zeros(family.time().size) if noise is None else noise
     return _run(space, family, amplitude, threshold, jnp.asarray(start, float), error)
@@ -226,7 +226,7 @@ def _run(space: StateSpace, family: RelayFamily, amplitude: Array, threshold: Ar
 
 
 class Oscillation(NamedTuple):
-    """Indices of S runs; NaN where a run has no such reversal.
+    """Indices of S runs; NaN if a run has no such reversal.
 
     Attributes:
         reversals: how often the control was reversed, shape (S,).
@@ -249,7 +249,7 @@ def oscillation(
     Args:
         family: timing, effect and trim.
         output: as it was, SI.
-        seen: as the relay saw it, with noise; NaN where it was not measured.
+        seen: as the relay saw it, with noise; NaN if it was not measured.
         threshold: change of the output from trim at which the control is reversed, SI.
     """
     at = [_reversals(family, row - family.output_trim, threshold) for row in np.asarray(seen)]

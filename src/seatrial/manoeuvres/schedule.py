@@ -38,7 +38,7 @@ class Schedule:
 
     Attributes:
         time: sample times, s, rising from 0, shape (n,).
-        controls: by name, held from each sample to the next, SI, each of shape (n,).
+        controls: by name, constant from each sample to the next, SI, each of shape (n,).
 
     Raises:
         InputError: fewer than two samples, times that do not rise from 0, or a control of another length or with gaps.
@@ -74,7 +74,7 @@ class Schedule:
     _repr_html_ = text_html
 
     def columns(self, trim: Sequence[tuple[str, float]]) -> dict[str, Float[np.ndarray, " n"]]:
-        """Return every control of a vehicle, SI, in its order; those that the schedule leaves alone are held at trim."""
+        """Return every control of a vehicle, SI, in its order; those outside the schedule stay at trim."""
         return {name: self.controls.get(name, np.full(self.time.size, value)) for name, value in trim}
 
     def bends(self) -> "ScheduleRows":
@@ -177,7 +177,7 @@ class ScheduleRows(NamedTuple):
                 expected=f"within the {name} limit of {bound * factor:.6g} {ends}, [limits.{control}]",
                 remedy="correct the schedule, or widen the limit if the vehicle allows it"
                 if name != "rate"
-                else "lead to the next value in more time, or widen the limit if the vehicle allows it",
+                else "reach the next value in more time, or widen the limit if the vehicle allows it",
             )
 
 
@@ -197,7 +197,7 @@ def table_text(
     Args:
         time: s.
         controls: by name, SI.
-        commands: of the thrusters among them, in the unit of their laws of thrust, NaN where no command makes a thrust: such a control
+        commands: of the thrusters among them, in the unit of their laws of thrust, NaN if no command makes a thrust: such a control
             has no column of them, and a remark at the end says why.
     """
     shown = [(name, *shown_unit(name), values) for name, values in controls.items()]
@@ -262,7 +262,7 @@ def _text(path: Path) -> str:
             str(path),
             found=f"{size / 2**20:.0f} MB",
             expected=f"a schedule of at most {MAX_BYTES >> 20} MB",
-            remedy="check the path: a row is needed only where a control bends",
+            remedy="check the path: a row is needed only if a control bends",
         )
     content = path.read_bytes()
     try:
@@ -287,7 +287,7 @@ def _header(where: str, cells: Sequence[str], controls: Sequence[str]) -> dict[s
             where,
             found=f'"{cells[0][:80]}"',
             expected=_example(controls),
-            remedy="part the columns by commas, and give decimals a point",
+            remedy="separate the columns by commas, and give decimals a point",
         )
     factors: dict[str, float] = {}
     known = {"time": "s"} | {name: signal_unit(name) for name in controls}
@@ -356,10 +356,8 @@ def _check_times(rows: ScheduleRows) -> None:
         raise InputError(
             f"{rows.source}:{rows.line[at]}",
             found=f"the time {time[at]:.10g} s" + (f" after {time[at - 1]:.10g} s" if at else " in the first row"),
-            expected="times that rise, of which two may be the same where a control jumps"
-            if at
-            else "a first row at 0 s",
-            remedy="sort the rows, and leave out those that stand twice"
+            expected="times that rise; two may be equal if a control jumps" if at else "a first row at 0 s",
+            remedy="sort the rows, and delete repeated ones"
             if at
             else "count the times from the beginning of the trial",
         )

@@ -269,7 +269,7 @@ def contents_text(budget: "ErrorBudget", stated: "StatedErrors") -> str:
 
 
 def shares_text(shares: ErrorShares, cause: str) -> str:
-    """Return the parts of a ±: `stated inputs 82 %, noise 18 %: the stated inertia along X`; empty where it is mostly noise."""
+    """Return the parts of a ±: `stated inputs 82 %, noise 18 %: the stated inertia along X`; empty if it is mostly noise."""
     parts = {NAMES_OF_ORIGINS[one.name]: getattr(shares, one.name) for one in fields(shares)}
     if shares.noise > MOSTLY and not cause:
         return ""

@@ -31,7 +31,7 @@ class Remedy:
         command: with keys of the campaign file or commands.
         python: with arguments of the library; the same as `command` if empty.
         page: with fields of the dashboard; the same as `command` if empty.
-        view: key of the view of the dashboard where it is done; empty if it is done elsewhere.
+        view: key of the view of the dashboard for it; empty if it is done elsewhere.
     """
 
     command: Template

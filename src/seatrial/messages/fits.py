@@ -186,7 +186,7 @@ ENTRIES = {
             "course-left",
             "caution",
             {
-                "words": "the fitted model is unstable, so controls do not suffice to predict 150 s: a small error grows by e in 17 s "
+                "words": "the fitted model is unstable, so controls do not determine 150 s: a small error grows by e in 17 s "
                 "(eigenvalue +0.06 1/s)",
                 "horizon": 8.0,
             },

@@ -79,7 +79,7 @@ def horizon_text(near: "ShortHorizon", channel: str, rate: float = 0.0, duration
     )
     if rate > 0:
         return (
-            f"the fitted model is unstable, so controls do not suffice to predict {duration:.0f} s: a small error grows by e in "
+            f"the fitted model is unstable, so controls do not determine {duration:.0f} s: a small error grows by e in "
             f"{1 / rate:.2g} s (eigenvalue {rate:+.2g} 1/s); {ahead}"
         )
     if not near.is_good:

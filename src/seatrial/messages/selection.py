@@ -133,7 +133,7 @@ ENTRIES = {
     ),
     "advice-tried": Entry(
         title="Advice tried without gain",
-        sentence="no other model of the error predicts runs left out clearly better, so keep the present one; the best other one is "
+        sentence="no other model of the error predicts runs left out clearly better, so keep the present one. The best other one is "
         '"{error_model}", by {delta:+.1f} ± {std_error:.1f} nats',
         meaning="Advice to change the model of the error does not improve predictions of this vehicle.",
         decided="Residuals are slow or bands fail, and no other model of the error is recommended (error-model-better).",

@@ -39,7 +39,7 @@ class Gaussian(NamedTuple):
 
 
 def _cholesky(cov: Any) -> Any:
-    """Lower factor, NaN where there is none, by NumPy as by JAX."""
+    """Lower factor, NaN if there is none, by NumPy as by JAX."""
     xp = array_module(cov)
     # A program with LAPACK in it has JAX load SciPy, which takes longer than a sweep.
     if xp is not np and cov.ndim == 2:

@@ -123,7 +123,7 @@ def held_mean(
 
     Args:
         time: stamps, strictly increasing, s.
-        values: from each stamp to the next; the first also before, the last for ever after.
+        values: from each stamp to the next; the first also before, the last without end after.
         edges: increasing, s.
     """
     change = values - values[0]  # so that what never changes comes back as it was

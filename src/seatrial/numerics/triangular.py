@@ -47,7 +47,7 @@ def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
 
 
 def cholesky(matrix: Sequence[Sequence[Scalar]]) -> Triangle:
-    """Return the lower factor L with L L^T = matrix; NaN where the matrix is not positive definite.
+    """Return the lower factor L with L L^T = matrix; NaN if the matrix is not positive definite.
 
     Args:
         matrix: rows of a symmetric matrix; only entries (i, j <= i) are read.
@@ -63,10 +63,10 @@ def cholesky(matrix: Sequence[Sequence[Scalar]]) -> Triangle:
 
 
 def cholesky_of_array(matrix: Any) -> Any:
-    """Return the lower factor of an array of shape (n, n), for programs of many lanes; NaN where it is not positive definite.
+    """Return the lower factor of an array of shape (n, n), for programs of many lanes; NaN if it is not positive definite.
 
     On a processor column by column (Golub and Van Loan, 4th ed., section 4.2.5). LAPACK divides a batch among the threads that run
-    programs, and waits for them: as many programs as there are threads would wait for each other for ever.
+    programs, and waits for them: as many programs as there are threads would wait for each other without end.
     """
     if on_accelerator():
         return jnp.linalg.cholesky(matrix)

@@ -180,7 +180,7 @@ def model_html(outcome: "Outcome", label: str) -> Markup:
 
 
 def model_said(outcome: "Outcome", label: str) -> Markup:
-    """Return a structure within a sentence of the page: its name in quotes, or `the model` where there is no other."""
+    """Return a structure within a sentence of the page: its name in quotes, or `the model` if there is no other."""
     return Markup("“{}”").format(model_html(outcome, label)) if len(outcome.estimates) > 1 else Markup("the model")
 
 
@@ -272,7 +272,7 @@ def _round(number: re.Match) -> str:
 
 
 def prior_panels(result: "PriorPredictive") -> tuple[list[Moved], list[Driven]]:
-    """Return the channels of a prior, and the controls that move, in the units of display; all controls where none does."""
+    """Return the channels of a prior, and the controls that move, in the units of display; all controls if none does."""
     moved = []
     for one in result.channels:
         factor = shown_unit(one.channel)[0]

@@ -65,7 +65,7 @@ def write_calibration_picture(folder: Path, name: str, result: Calibration) -> P
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
     path = folder / f"calibration-{result.method}.svg"
     words = (
-        f"{name}: {len(result.ranks)} truths from the priors, estimated again by {result.method}; "
+        f"{name}: {len(result.ranks)} true vehicles from the priors, estimated again by {result.method}; "
         f"pale bands hold all {len(result.names)} in 99 % of cases"
     )
     with own_settings():
@@ -94,7 +94,7 @@ def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Pat
     """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
     path = folder / "prior.svg"
     with own_settings():
-        words = [f"{name}: what the priors expect", *map(typeset, prior_summary(result))]
+        words = [f"{name}: predictions of the priors", *map(typeset, prior_summary(result))]
         figure = prior_motions(result.time, *prior_panels(result), spreads=prior_spreads(result), words=words)
         write_text(path, draw_svg(figure, "prior"))
     return path
@@ -110,10 +110,9 @@ def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], r
         ProfilePanel(profile, label_mathtext(profile.label), truth.get(profile.name)) for profile in result.profiles
     ]
     words = [
-        f"{name}: profile likelihoods of {result.structure}, the other parameters following",
-        "shaded: 95 % interval, where the best fit falls by less than 1.92 (dashed)"
-        + "; dotted: true value" * bool(truth),
-        *(["orange: open, as far as the prior reaches the best fit does not fall so far"] if result.open else []),
+        f"{name}: profile likelihoods of {result.structure}, with the other parameters fitted",
+        "shaded: 95 % interval: the best fit falls by less than 1.92 (dashed)" + "; dotted: true value" * bool(truth),
+        *(["orange: open, because the best fit does not fall so far within the prior"] if result.open else []),
     ]
     with own_settings():
         write_text(path, draw_svg(profile_figure(panels, words), "profile"))
@@ -134,7 +133,7 @@ def write_rehearsal_picture(campaign: Campaign, result: Rehearsal) -> Path:
     ]
     words = (
         f"{campaign.name}: {result.vehicles} vehicles from the priors",
-        "bars hold 90 %; below, what the goal names",
+        "bars contain 90 %; below, the goals",
     )
     with own_settings():
         symbols, units = [label_mathtext(term.label) for term in terms], [model.unit_of(term) for term in terms]
@@ -176,7 +175,7 @@ def write_select_picture(
     path = campaign.folder / "select.svg"
     with own_settings():
         figures = term_figures(campaign, selection, screened, contenders)
-        write_text(path, compose(f"{campaign.name}: which terms are real", figures))
+        write_text(path, compose(f"{campaign.name}: which terms are needed", figures))
     return path
 
 

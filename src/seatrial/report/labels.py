@@ -63,7 +63,7 @@ def label_html(label: str) -> Markup:
 
 
 def label_mathtext(label: str) -> str:
-    """Return a label for Matplotlib; the user's part stands outside the dollars, where nothing is a command."""
+    """Return a label for Matplotlib; the user's part stands outside the dollars, if nothing is a command."""
     nodes, suffix = _parse(label)
     return f"${''.join(map(_mathtext, nodes))}$" + suffix.replace("$", r"\$")
 

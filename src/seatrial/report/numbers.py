@@ -75,7 +75,7 @@ def with_sd(value: float, sd: float) -> str:
 
 
 def common_exponent(*values: float) -> int:
-    """Return the power of ten to pull out of numbers, by the largest of them: 0 where that lies between 0.01 and 99999."""
+    """Return the power of ten to pull out of numbers, by the largest of them: 0 if that lies between 0.01 and 99999."""
     size = max((abs(value) for value in values if isfinite(value)), default=0.0)
     if size == 0.0 or 0.01 <= size < 1e5:
         return 0

@@ -84,15 +84,14 @@ def screening_figures(campaign: "Campaign", screened: Screened) -> list[TermFigu
                 data["mean"].sel(term=rows).values,
             ),
             "The structures, by screening",
-            f"The most probable of {data.attrs['count']} structures by the screening, each as wide as it is probable. Filled: the "
-            "term is in it; blue where its averaged coefficient is positive, orange where it is negative.",
+            f"The most probable of {data.attrs['count']} structures by the screening, each as wide as it is probable. Filled: the term "
+            f"is in it; blue if its averaged coefficient is positive, orange if it is negative.",
         ),
         TermFigure(
             "inclusion-scale",
             inclusion_paths([symbol(term) for term in optional], scale, data["inclusion_at"].sel(term=optional).values),
             "Which terms are needed if the priors were wider",
-            "The screening with priors narrower and wider than given (1). Where a line crosses a dashed one, the prior decides, "
-            "not the data.",
+            "The screening with priors narrower and wider than given (1). If a line crosses a dashed one, the prior decides.",
         ),
         TermFigure(
             "coefficient-scale",
@@ -105,7 +104,7 @@ def screening_figures(campaign: "Campaign", screened: Screened) -> list[TermFigu
                 ],
             ),
             "Coefficients if the priors were wider",
-            "Coefficients averaged over all structures, zero where one lacks the term, with priors narrower and wider than given (1).",
+            "Coefficients averaged over all structures, zero in those without the term, with priors narrower and wider than given (1).",
         ),
     ]
 
@@ -129,7 +128,7 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
         gaps.append(MotionGap(title, one.time, **columns, measured=measured.get(one.words)))
     same = all(gap.coincides for gap in gaps)
     motions = (
-        f"Only the difference is drawn, {best} minus {runner}, because it is less than the width of a line: "
+        f"Only the difference is shown, {best} minus {runner}, because it is smaller than the width of a line: "
         if same
         else f"Blue: {best}. Orange, dashed: {runner}. Dots: measured. Below, their difference: "
     )
@@ -138,7 +137,7 @@ def contenders_figure(contenders: Contenders, names: Mapping[str, str], records:
         structure_gaps(gaps, factor * contenders.noise, signal_axis(channel)),
         "Difference between the two most probable models" if same else "The two most probable models over one plot",
         f"{motions}at the posterior means (line), and the 90 % band of both posteriors. "
-        "Dashed, if it is in sight: the standard deviation of the residuals.",
+        "Dashed, if inside the axes: the standard deviation of the residuals.",
     )
 
 
@@ -149,7 +148,7 @@ def _simulated(selection: Selection) -> TermFigure:
         _bars(terms, selection.inclusion, selection.inclusion_error),
         "Which terms are needed, by simulation",
         "Probability of each optional term: the sum over all simulated models that have it, with one standard error of the "
-        "computation. Beyond the dashed lines the data have decided.",
+        "computation. Outside the dashed lines the data decide.",
     )
 
 

@@ -26,7 +26,7 @@ class ChainHealth(NamedTuple):
         r_hat: rank-normalised split R-hat (Vehtari et al. 2021).
         ess_bulk: effective sample size for the centre.
         ess_tail: effective sample size for the 5 % and 95 % quantiles.
-        geweke: root mean square of the scores of the chains, 1 where all have converged.
+        geweke: root mean square of the scores of the chains, 1 if all have converged.
         mcse: Monte Carlo standard error of the mean.
     """
 
@@ -72,7 +72,7 @@ def diagnose(draws: Float[np.ndarray, "chains draws d"]) -> ChainHealth:
 
 
 def mixing(draws: Float[np.ndarray, "chains draws d"]) -> tuple[float, float]:
-    """Return the largest R-hat and the smallest effective sample size of all parameters; NaN where a chain never moved."""
+    """Return the largest R-hat and the smallest effective sample size of all parameters; NaN if a chain never moved."""
     array_stats = load_array_stats()
     each = [np.ascontiguousarray(draws[:, :, i]) for i in range(draws.shape[2])]
     r_hat, ess = [array_stats.rhat(x) for x in each], [array_stats.ess(x, method="bulk") for x in each]
@@ -97,7 +97,7 @@ def geweke_score(chain: Float[np.ndarray, " n"], first: float = 0.1, last: float
 
 
 def chain_findings(names: tuple[str, ...], health: ChainHealth) -> list[Finding]:
-    """Report what is wrong, one finding for each kind of fault with the parameters that have it; none where chains are healthy."""
+    """Report what is wrong, one finding for each kind of fault with the parameters that have it; none if chains are healthy."""
     effective = np.minimum(health.ess_bulk, health.ess_tail)
     still = ~np.isfinite(health.r_hat)
     apart = ~still & (health.r_hat > MAX_R_HAT)

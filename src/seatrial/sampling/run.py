@@ -79,7 +79,7 @@ class ChainRun(NamedTuple):
 
 
 class Mixing(NamedTuple):
-    """What a method says of its own draws, NaN where it has no such number.
+    """What a method says of its own draws, NaN if it has no such number.
 
     Attributes:
         r_hat: largest R-hat of all parameters.
@@ -105,11 +105,11 @@ class Draws:
         z: unconstrained positions, shape (chains, draws, d).
         log_density: unnormalised log densities of z, shape (chains, draws).
         acceptance: mean acceptance probability.
-        divergences: transitions after warm-up whose trajectory left the surface it was to follow; 0 where there are none.
+        divergences: transitions after warm-up with a trajectory that left its energy surface; 0 if there are none.
         names: of the d parameters.
         units: theirs, SI.
         values: draws in these units, shape (chains, draws, d).
-        moved: of a population, the smallest share of its moves that were made; NaN for chains.
+        moved: of a population, the smallest share of accepted moves; NaN for chains.
     """
 
     z: Float[np.ndarray, "chains draws d"]
@@ -153,7 +153,7 @@ class Draws:
         """Return the draws of some parameters, chain after chain, in their own units, shape (n, k).
 
         Args:
-            names: of k parameters; all where None.
+            names: of k parameters; all if None.
 
         Raises:
             InputError: no parameter of that name.
@@ -192,13 +192,13 @@ class Draws:
         return Mixing(*mixing(self.z), diverged=self.divergences / (chains * kept))
 
     def findings(self) -> list[Finding]:
-        """Return what makes the draws unfit for use; empty of a population, and where chains are healthy."""
+        """Return findings against the use of the draws; empty for a population and for sound chains."""
         if self.is_population:
             return []
         return chain_findings(self.names, diagnose(self.values)) + self.faults()
 
     def faults(self) -> list[Finding]:
-        """Return what is wrong with the chains as such; empty where all moved and none diverged."""
+        """Return faults of single chains; empty if all moved and none diverged."""
         chains, kept, _ = self.z.shape
         findings = []
         still = np.flatnonzero((self.z == self.z[:, :1]).all((1, 2)))
@@ -270,7 +270,7 @@ def refuse_dead_starts(log_density: Float[Array, " chains"]) -> None:
     bad = int(np.sum(~np.isfinite(log_density)))
     if bad:
         raise NumericalError(
-            f"{bad} of {len(log_density)} chains start where the density is zero: start them inside the support"
+            f"{bad} of {len(log_density)} chains start outside the support, at zero density: start them inside"
         )
 
 

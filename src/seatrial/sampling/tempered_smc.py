@@ -178,12 +178,12 @@ def sample_tempered_smc(
     raise NumericalError(
         f"tempered SMC stopped at temperature {temperatures[-1]:.3g} after {len(temperatures)} steps "
         f"(log evidence so far {log_evidence:.4g}): too few particles have a finite likelihood. "
-        "Use more particles, or a prior under which the model can be simulated."
+        "Use more particles, or narrow the prior to values that can be simulated."
     )
 
 
 class _Population(NamedTuple):
-    """Equally weighted particles on their way: where they are, b, and the logarithm of the scale of their moves."""
+    """Equally weighted particles on their way: if they are, b, and the logarithm of the scale of their moves."""
 
     at: Particles
     temperature: Array | np.ndarray

@@ -59,7 +59,7 @@ def compare(
             "posteriors",
             found=f"{len(posteriors)} posteriors",
             expected="two at least",
-            remedy="use `log_evidence` for one alone",
+            remedy="use `log_evidence` for only one",
         )
     check_choice(structure_prior, get_args(StructurePrior), "structure_prior")
     check_progress(progress)
@@ -148,7 +148,7 @@ def _searched(
 
 
 def _exchanged(posteriors: Sequence[Posterior], keys: Sequence[Keys]) -> list[Mode | None]:
-    """Return the mode of each posterior, or a higher one to which those of the others lead; None where none was found."""
+    """Return the mode of each posterior, or a higher one to which those of the others lead; None if none was found."""
     modes: list[Mode | None] = []
     for posterior, own in zip(posteriors, keys, strict=True):
         try:
@@ -176,7 +176,7 @@ def _check_same_data(posteriors: Mapping[str, Posterior]) -> None:
 
 
 def _difference(one: Posterior, other: Posterior) -> str:
-    """Return in words what differs first in the measurements of two posteriors; empty where nothing does."""
+    """Return in words what differs first in the measurements of two posteriors; empty if nothing does."""
     channels = one.likelihood.channels
     if set(channels) != set(other.likelihood.channels):
         return f"measured {', '.join(other.likelihood.channels)} against {', '.join(channels)}"

@@ -51,11 +51,11 @@ class Contenders:
         best: the most probable structure.
         runner_up: the next.
         channel: the velocity that is compared.
-        noise: standard deviation of the residuals of its sensor, SI; NaN where it is not measured.
+        noise: standard deviation of the residuals of its sensor, SI; NaN if it is not measured.
         manoeuvres: the fitted records, and then the next trial.
         amplitude: of the designs of the best family, SI.
         period: of them, s.
-        expected_nats: log Bayes factor expected of each; NaN where a limit is broken.
+        expected_nats: log Bayes factor expected of each; NaN if a limit is broken.
         trial: the design that would tell most, in words.
     """
 
@@ -85,7 +85,7 @@ class Contenders:
         return float(self.expected_nats[self.decisive])
 
     def disagreements(self, selection: Selection) -> list[Finding]:
-        """Return whether the two predict the next trial differently and the data do not tell them apart."""
+        """Return whether the two predict the next trial differently and the data do not separate them."""
         probability = dict(zip([one.label for one in selection.structures], selection.probability, strict=True))
         first, second = (float(probability[label]) for label in self.labels)
         if second < np.exp(-STANDING) * first:

@@ -52,8 +52,8 @@ def deviance_criteria(posterior: Posterior, draws: Float[np.ndarray, "chains dra
     at_mean, slope = map(np.asarray, _deviance_and_slope(posterior, jnp.asarray(mean)))
     if not (np.isfinite(deviance).all() and np.isfinite(at_mean)):
         raise NumericalError(
-            "the deviance is infinite at a draw or at the posterior mean: the draws are not from this posterior, or it has "
-            "several modes with nothing between them; compare evidences instead"
+            "the deviance is infinite at a draw or at the posterior mean: the draws are not from this posterior, or it has several "
+            "separate modes. Compare evidences instead"
         )
     moved = (draws - mean) @ slope
     centre, p_d = deviance.mean(), deviance.mean() - at_mean
@@ -98,7 +98,7 @@ def psis_loo(log_likelihood: Float[np.ndarray, "chains draws n"]) -> PredictiveC
     bad = int((~(k_hat <= MAX_K_HAT)).sum())
     status = (
         f"{bad} of {k_hat.size} measurements are too influential to be left out by reweighting (k-hat up to {k_hat.max():.2f}, "
-        f"at most {MAX_K_HAT}): look at them for outliers, or compare evidences"
+        f"at most {MAX_K_HAT}). Look for outliers among them, or compare evidences"
         if bad
         else ""
     )

@@ -43,8 +43,8 @@ class PredictiveCriterion:
         std_error: its standard error over the measurements, as if they were a sample of possible ones.
         effective: number of parameters, an effective one for WAIC and PSIS-LOO.
         pointwise: contribution of each measurement, shape (n,).
-        k_hat: tail index of the importance weights of each, shape (n,); empty where there are none.
-        status: empty if healthy, else what is wrong in words.
+        k_hat: tail index of the importance weights of each, shape (n,); empty if there are none.
+        status: empty if sound, else the fault in words.
     """
 
     method: Literal["WAIC", "PSIS-LOO", "AIC", "BIC"]
@@ -103,7 +103,7 @@ def compare(one: PredictiveCriterion, other: PredictiveCriterion) -> Comparison:
     delta = float(difference.sum())
     std_error = float(np.hypot(sum_error(difference), np.hypot(one.value.error, other.value.error)))
     if abs(delta) < max(SMALL_DIFFERENCE, 2 * std_error):
-        verdict = "the two models predict equally well as far as these data can tell"
+        verdict = "these data do not separate the predictions of the two models"
     else:
         verdict = f"the {'first' if delta < 0 else 'second'} model predicts better"
     return Comparison(delta, std_error, f"{verdict}: {one.method} differs by {delta:+.1f} ± {std_error:.1f}")
@@ -115,7 +115,7 @@ def sum_error(pointwise: Float[np.ndarray, " n"]) -> float:
 
 
 class Difference(NamedTuple):
-    """How far a structure is behind the best by one criterion, and the standard error of that; NaN where there is none."""
+    """How far a structure is behind the best by one criterion, and the standard error of that; NaN if there is none."""
 
     delta: float
     error: float

@@ -54,7 +54,7 @@ class LeaveOneRunOut:
         runs: one for each.
         bands: whether the stated bands hold on all runs together, each left out in turn, by channel.
         log_evidence: of the joint posterior, by the same draws.
-        status: empty if healthy, else what is wrong in words.
+        status: empty if sound, else the fault in words.
     """
 
     runs: tuple[LeftOutRun, ...]
@@ -255,12 +255,12 @@ class CrossValidation:
 
     @property
     def chosen(self) -> Candidate | None:
-        """The one for forecasts from now; None where no candidate has a result."""
+        """The one for forecasts from now; None if no candidate has a result."""
         return None if self.stack is None else self.ordered[self.stack.chosen]
 
     @property
     def whole_run(self) -> Candidate | None:
-        """The one for predictions of a whole run; None where no candidate has a result."""
+        """The one for predictions of a whole run; None if no candidate has a result."""
         return None if self.stack is None else self.ordered[self.stack.whole_run]
 
     def relative_crps(self, candidate: Candidate) -> tuple[float, ...]:
@@ -274,7 +274,7 @@ class CrossValidation:
 
     @property
     def findings(self) -> list[Finding]:
-        """Return whether what was left out contradicts the evidence, and whether another model of the error is recommended."""
+        """Return whether the runs left out contradict the evidence, and whether another model of the error is recommended."""
         chosen, whole, own = self.chosen, self.whole_run, self.own_best
         result = [*self.cautions, *self.contradictions[:1]]
         if chosen and whole and own and {chosen.error_model, whole.error_model} != {OWN}:
@@ -361,7 +361,7 @@ def gap(one: Candidate, other: Candidate) -> Gap:
 
 
 def advice_tried(advised: Iterable[Message], result: CrossValidation | None) -> list[Finding]:
-    """Return whether runs left out confirm advice about the model of the error; nothing where none is given, or another one is recommended.
+    """Return whether runs left out confirm advice about the model of the error; nothing if none is given, or another one is recommended.
 
     Args:
         advised: findings about fits and predictions.

@@ -25,12 +25,12 @@ class EvidenceSettings:
     """Size of an evidence.
 
     Attributes:
-        repeats: independent runs of tempered SMC, two or more, whose spread tells the error.
+        repeats: independent runs of tempered SMC, two or more; their spread gives the error.
         smc: size of each.
-        draws: fresh draws of the importance sampling that is compared with them; `smc_evidence` has none.
+        draws: of the importance sampling that is compared with them; `smc_evidence` has none.
 
     Raises:
-        InputError: fewer than two repeats, or a size that is none.
+        InputError: fewer than two repeats, or an invalid size.
     """
 
     repeats: int = 4
@@ -39,7 +39,7 @@ class EvidenceSettings:
 
     def __post_init__(self) -> None:
         """Refuse sizes of which no error is known."""
-        check_count(self.repeats, "EvidenceSettings, repeats", least=2, remedy="2 or more: one alone has no error")
+        check_count(self.repeats, "EvidenceSettings, repeats", least=2, remedy="2 or more, for an error")
         check_kind(self.smc, SMCSettings, "EvidenceSettings, smc", "write smc=SMCSettings(particles=512)")
         check_count(self.draws, "EvidenceSettings, draws", least=1024, remedy="take some ten thousand")
 

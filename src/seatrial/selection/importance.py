@@ -51,7 +51,7 @@ class ProposalComponent(NamedTuple):
         centre: where, in z; on the straight line of z of what leans on a bound; shape (d,).
         factor: triangular factor of the scale matrix there, shape (d, d).
         share: of the draws.
-        edges: of what leans, where it is cut, shape (d, 2), infinite of all else.
+        edges: of what leans, if it is cut, shape (d, 2), infinite of all else.
     """
 
     centre: Float[np.ndarray, " d"]
@@ -82,7 +82,7 @@ class ImportanceSettings:
     """Size of a run.
 
     Attributes:
-        draws: fresh draws of the final estimate; more of them where too few count.
+        draws: fresh draws of the final estimate; more of them if too few count.
         pilot: draws of each trial of a proposal.
         refits: how often the proposal may be refitted.
     """
@@ -164,7 +164,7 @@ def evidence_of(weights: Weights) -> Evidence:
 
 
 def edges_of(target: Target) -> Float[np.ndarray, "d 2"]:
-    """Return where the line of each component of z bends into a bound, infinite where it does not."""
+    """Return where the line of each component of z bends into a bound, infinite if it does not."""
     edges, posterior = np.repeat(NO_EDGES, target.dim, 0), target.posterior if isinstance(target, Uncoupled) else target
     if isinstance(posterior, Posterior):
         edges[posterior.places] = [one.prior.edges for one in posterior.present_parameters]

@@ -115,7 +115,7 @@ def log_evidence(
 ) -> Evidence:
     """Return the evidence by importance sampling, checked by tempered SMC, and by nested sampling if that does not confirm it.
 
-    If the first complains, the value is that of the next that does not.
+    If the first warns, the value is that of the next that does not.
 
     Args:
         posterior: density to integrate.
@@ -365,13 +365,13 @@ def _run_nested(posterior: Posterior, repeat: int, key: jax.Array, progress: Pro
 def _missed_peak(posterior: Posterior, cold: np.ndarray, warm: np.ndarray, known: Sequence[float]) -> list[str]:
     """Return an alarm if cold particles met a peak higher than those known and than all others, in words."""
     if not cold.size:
-        return ["the particles could not be cooled, so no further peaks were searched for"]
+        return ["the particles could not be cooled, so the search for further peaks was skipped"]
     # The mode of a normal posterior lies so far above the highest of its particles that one in a thousand is farther.
     normal = float(evaluate(posterior, warm).max()) + 0.5 * float(scipy.special.chdtri(posterior.dim, 1.0 - 1e-3))
     rise = float(evaluate(posterior, cold).max()) - max([*known, normal])
     if rise <= MIN_PEAK_RISE:
         return []
     return [
-        f"a point {rise:.1f} nats above the highest peak the methods know exists: a narrow peak was missed and may "
-        "hold most of the evidence; narrow the prior about it, or integrate each peak by itself"
+        f"a point {rise:.1f} nats above the highest peak the methods know exists: a narrow peak was missed and may contain most of the "
+        f"evidence. Narrow the prior about it, or integrate each peak separately"
     ]

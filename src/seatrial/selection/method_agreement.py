@@ -101,7 +101,7 @@ def agrees(row: Mapping[str, Any]) -> bool:
 
 
 def _note(name: Method, row: Mapping[str, Any]) -> str:
-    """Say why a method is not counted beside two that agree; nothing of one that agrees too."""
+    """Return why a method is not counted beside two that agree; nothing of one that agrees too."""
     apart = not agrees(row)
     reasons = [complaint.split(": ")[0] for complaint in row["status"].split("; ") if complaint]
     if apart:

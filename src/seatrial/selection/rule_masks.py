@@ -205,7 +205,7 @@ def no_structure() -> InputError:
         "rules of the structures",
         found="no structure that keeps them all",
         expected="at least one",
-        remedy="look for an exclusion between a term and one that it wants, or between terms that are always there",
+        remedy="look for an exclusion between a term and one that it requires, or between terms of `always`",
     )
 
 

@@ -195,7 +195,7 @@ def compile_rules(library: TermLibrary, rules: Sequence[Rule]) -> CompiledRules:
     present, absent = _decided(named, bit)
     for name in library.names:
         if present & absent & bit[name]:
-            raise _contradiction(named, bit, 0, f"{name} can neither stand nor be left out")
+            raise _contradiction(named, bit, 0, f"{name} can be neither included nor left out")
     optional = tuple(name for name in library.names if not (present | absent) & bit[name])
     for name in optional:
         with_it, without = _decided(named, bit, bit[name])

@@ -6,7 +6,7 @@ where the model without the term is the one with c = 0 and the same independent 
 unconstrained z of c, whose prior has no edges. The posterior density at 0 is that of a fitted normal g, corrected by a kernel
 average of its own error (Hjort and Glad, Annals of Statistics 23, 1995): g(z0) mean[K_h(z - z0) / g(z)].
 
-What it cannot see: a mode the draws never visited, and anything at 0 where no draws are, however well the fit looks.
+What it cannot see: a mode the draws never visited, and anything at 0 if no draws are, however well the fit looks.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class BayesFactor:
         std_error: its Monte Carlo standard error, the bias of the kernel included.
         method: how it was computed.
         diagnostics: effective draws near the value, its distance from the posterior mean in standard deviations.
-        status: empty if healthy, else what is wrong in words.
+        status: empty if sound, else the fault in words.
     """
 
     log_value: float
@@ -186,6 +186,6 @@ def _tail(name: str, at: float, away: float, near: float) -> str:
     if near >= MIN_NEAR_DRAWS:
         return ""
     return (
-        f"{name} = {at:g} lies {abs(away):.1f} standard deviations from the posterior mean, where only {near:.0f} effective draws "
-        f"are (at least {MIN_NEAR_DRAWS:.0f} needed): compare the evidences of the two models instead"
+        f"{name} = {at:g} lies {abs(away):.1f} standard deviations from the posterior mean, with only {near:.0f} effective draws there "
+        f"(at least {MIN_NEAR_DRAWS:.0f} needed): compare the evidences of the two models instead"
     )

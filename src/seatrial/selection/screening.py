@@ -265,8 +265,8 @@ def _quadratic(
     if not (size > 0).all() or np.linalg.eigvalsh(matrix / np.outer(size, size))[0] < LEAST_INDEPENDENT:
         raise InputError(
             "screening",
-            found="coefficients that these data tell only together, or not at all",
-            expected="terms whose coefficients the data tell apart when all are there",
+            found="coefficients that these data determine only together, or not at all",
+            expected="terms that the data separate if all are included",
             remedy="`seatrial estimate --by mode` names them: take one of them out, fix it, or add a trial that excites it",
         )
     moment = matrix @ mode.values[at] + gradient

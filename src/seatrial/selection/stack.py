@@ -68,7 +68,7 @@ def simplest(
     """Return the place of the model with fewest terms that predicts within one standard error of the best, or a least difference.
 
     Differences between models of the error scatter more over runs than those between structures, and would hide these. So the model of
-    the error is chosen first, by the best structure under each: the first one where nothing better can be told from it.
+    the error is chosen first, by the best structure under each: the first one if nothing better can be told from it.
 
     Args:
         score: of each run by each model, such as its log density, nats; higher is better.

@@ -88,7 +88,7 @@ def count_structures(rules: CompiledRules) -> int:
     if not k and not rules.always:
         raise InputError(
             "library and rules",
-            found="no term that may stand",
+            found="no term that the rules allow",
             expected="at least one",
             remedy="drop a rule that excludes terms, or widen the library",
         )
@@ -96,7 +96,7 @@ def count_structures(rules: CompiledRules) -> int:
 
 
 def all_structures(rules: CompiledRules) -> tuple[Structure, ...]:
-    """Return all structures that the rules allow, by number of optional terms left out: the full one first, where it is allowed.
+    """Return all structures that the rules allow, by number of optional terms left out: the full one first, if it is allowed.
 
     Raises:
         InputError: too many structures for simulation-based evidence.

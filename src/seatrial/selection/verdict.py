@@ -49,12 +49,12 @@ class Evidence:
 
     @property
     def weighed(self) -> float:
-        """The value of which probabilities are made, nats: that with every error where it is known."""
+        """The value for probabilities, nats: that with every error if it is known."""
         return self.log_value if self.with_errors is None else self.with_errors
 
     @property
     def resolution(self) -> float | None:
-        """Smallest difference, nats, that the methods which confirm the value would have noticed; None where none confirms it."""
+        """Smallest difference, nats, that the confirming methods resolve; None if no method confirms the value."""
         return self.diagnostics.get("resolution")
 
     def summary(self) -> "DataFrame":
@@ -77,7 +77,7 @@ class Evidence:
 
     @property
     def check_words(self) -> str:
-        """What the check resolves: methods that both miss a part of the posterior that holds less, or the same part, agree."""
+        """The resolution of the check in words: methods that both miss a smaller part of the posterior, or the same part, agree."""
         return f"the check resolves {self.resolution:.2g} nat"
 
     __repr__ = table_text
@@ -252,12 +252,12 @@ class Selection:
 
     @property
     def is_decided(self) -> bool:
-        """Whether one structure holds so much of the probability that its values stand for all."""
+        """Whether one structure has enough probability to quote its values."""
         return len(self.structures) == 1 or (self.is_settled and float(self.probability[self.chosen]) >= DECIDED)
 
     @property
     def quoted(self) -> Literal["chosen", "averaged"]:
-        """Whose values to quote: averaged ones if the structure is not decided and the probabilities can be relied on."""
+        """Values to quote: averaged ones if the structure is not decided and the probabilities are reliable."""
         return "averaged" if self.is_reliable and not self.is_decided else "chosen"
 
     def reached(self, term: str) -> tuple[float, float]:
@@ -374,8 +374,8 @@ def select(
     verdicts += pair_verdicts(has, probability)
     if shortlist:
         verdicts.append(
-            f"{len(structures)} structures were simulated; the others have a probability of {1.0 - share:.2f} by the screening, which "
-            "the probabilities of the terms include; raise structure.shortlist to simulate more"
+            f"{len(structures)} structures were simulated. The others have a probability of {1.0 - share:.2f} by the screening, which "
+            f"the probabilities of the terms include. Raise structure.shortlist to simulate more"
         )
     verdicts_need = _least(_needed(structures, evidences, optional, structure_prior, EDGES))
     alarms = tuple(
@@ -469,7 +469,7 @@ def _log_weights(
 def averaged(
     moments: Sequence[Mapping[str, tuple[float, float]]], probability: Float[np.ndarray, " m"]
 ) -> dict[str, tuple[float, float]]:
-    """Average coefficients over structures: mean and standard deviation of the mixture, zero where a structure lacks the coefficient.
+    """Average coefficients over structures: mean and standard deviation of the mixture, zero if a structure lacks the coefficient.
 
     Args:
         moments: posterior mean and standard deviation of each coefficient, of each structure.
@@ -496,7 +496,7 @@ def _is_decided(probability: float, reached: tuple[float, float]) -> bool:
 
 def _doubt(evidence: Evidence) -> float:
     """By how much an evidence whose run is in doubt may be wrong, nats: ten of its errors, the difference of another method, and three
-    joint errors with one that is sound; 3 at least where there is none."""
+    joint errors with one that is sound; 3 at least if there is none."""
     if not evidence.status:
         return 0.0
     table = evidence.diagnostics.get("methods", {})
@@ -513,7 +513,7 @@ def _shifted(logs: np.ndarray, index: int, doubt: float) -> list[Float[np.ndarra
 
 
 def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float, float] | None = None) -> str:
-    """Say whether the data support a term, with the probability of the side that is favoured.
+    """Return whether the data support a term, with the probability of the side that is favoured.
 
     Args:
         term: which.
@@ -524,13 +524,13 @@ def term_verdict(term: str, inclusion: float, error: float, reached: tuple[float
     without = 1.0 - inclusion
     if reached and np.searchsorted(EDGES, reached[0]) != np.searchsorted(EDGES, reached[1]):
         return (
-            f"it cannot be said whether the data support {term}: its probability of {inclusion:.2f} depends on an evidence that is not "
-            f"reliable, and may be anything from {reached[0]:.2f} to {reached[1]:.2f}"
+            f"no verdict about {term} yet: its probability of {inclusion:.2f} depends on an evidence that is not "
+            f"reliable, and may be from {reached[0]:.2f} to {reached[1]:.2f}"
         )
     margin = f" (± {error:.2f} Monte Carlo)" if error >= 0.005 else " (Monte Carlo error below 0.005)"
     if _is_noisy(inclusion, error):
         return (
-            f"the evidence is too noisy to say whether the data support {term}: "
+            f"the evidence is too noisy to decide about {term}: "
             f"probability {inclusion:.2f} with it{margin}; use more particles or repeats"
         )
     if inclusion >= DECIDED:

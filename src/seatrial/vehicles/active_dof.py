@@ -23,7 +23,7 @@ class Freedom:
         given: velocities and angles that are measured, and enter as controls.
         attitude: how an attitude is kept that turns about more than one axis.
         positions: positions that are states.
-        angles: Euler angles that sensors show or limits bound, which are kept also where no force depends on them.
+        angles: Euler angles that sensors show or limits bound, which are kept also if no force depends on them.
         current: the water's velocity north, east and down: as states that stay as they are, as given signals, as numbers in m/s, or none.
     """
 

@@ -24,7 +24,7 @@ class Actuator:
     """Lag and limits of one control.
 
     Attributes:
-        time_constant: T, s; 0 for an actuator that is at once where it is told to be, and has limits only.
+        time_constant: T, s; 0 for an actuator without a lag, with only limits.
         lower: least value, SI.
         upper: greatest value, SI.
         rate: greatest speed of change, SI units a second.
@@ -43,7 +43,7 @@ class Actuator:
         check_number(self.time_constant, "Actuator, time_constant", least=0.0, remedy="give its lag in s, 0 for none")
         check_order(self.lower, self.upper, "Actuator", is_finite=False)
         check_number(
-            self.rate, "Actuator, rate", above=0.0, is_finite=False, remedy="leave it out where it is not limited"
+            self.rate, "Actuator, rate", above=0.0, is_finite=False, remedy="leave it out if there is no limit"
         )
 
 
@@ -60,7 +60,7 @@ def with_actuators(model: VehicleModel, actuators: Mapping[str, Actuator], unkno
     Args:
         model: vehicle whose controls are what acts on it.
         actuators: by control.
-        unknown: time constants that are sought, see `lags_of`.
+        unknown: time constants to estimate, see `lags_of`.
 
     Raises:
         InputError: no such control.

@@ -117,7 +117,7 @@ def position_rates(
         positions: those of x, y and z that are wanted.
         pose: attitude.
         velocity: surge, sway and heave through the water, m/s.
-        current: the water's velocity along a position, m/s, by its name; 0 where not given.
+        current: the water's velocity along a position, m/s, by its name; 0 if not given.
     """
     rows = (pose.rows[POSITIONS.index(name)] for name in positions)
     return tuple(total((dot(row, velocity), current.get(name, 0.0))) for name, row in zip(positions, rows, strict=True))

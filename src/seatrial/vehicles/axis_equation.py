@@ -26,9 +26,9 @@ class AxisEquation:
     Attributes:
         axis: X, Y, Z, K, M or N.
         terms: those whose coefficients are sought.
-        inertia: kg or kg m^2, added inertia included; 1 where unknown, and coefficients then are per unit of inertia.
+        inertia: kg or kg m^2, added inertia included; 1 if unknown, and coefficients then are per unit of inertia.
         thrust_share: 1 - t_d, by which terms of the axis T act on X.
-        known: terms of given coefficient, SI, per unit of inertia where that is unknown.
+        known: terms of given coefficient, SI, per unit of inertia if that is unknown.
         trim: equilibrium of every signal written with `d`.
     """
 
@@ -95,7 +95,7 @@ def axis_equation(
     free = tuple(CoefficientName.parse(term) for term in terms if term not in known)
     fixed = tuple((CoefficientName.parse(term), float(value)) for term, value in known.items())
     if not free:
-        raise too_few(place, "no term whose coefficient is sought", "one", "name terms")
+        raise too_few(place, "no term with an estimated coefficient", "one", "name terms")
     named = [*free, *(name for name, _ in fixed)]
     for name in named:
         _check_term(name, axis, trim, place)
@@ -110,7 +110,7 @@ def _check_term(name: CoefficientName, axis: str, trim: Mapping[str, float], pla
             f"{place}, term {name}",
             found=f'axis "{name.axis}"',
             expected=" or ".join(allowed),
-            remedy="leave the term out, or give it to the equation of its own axis",
+            remedy="leave the term out, or give it to the equation of its axis",
         )
     if name.is_added_mass and not (
         len(name.factors) == 1 and name.factors[0].power == 1 and name.factors[0].signal != RATE_OF[axis]
@@ -118,7 +118,7 @@ def _check_term(name: CoefficientName, axis: str, trim: Mapping[str, float], pla
         raise InputError(
             f"{place}, term {name}",
             found="the acceleration that the equation is solved for, or a product with one",
-            expected="an acceleration of another axis, alone, as in Y_rdot",
+            expected="only an acceleration of another axis, as in Y_rdot",
             remedy="count the added inertia in the inertia of the axis",
         )
     check_trim(name, trim, place)

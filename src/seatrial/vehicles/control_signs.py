@@ -36,7 +36,7 @@ _WORDS = {
 
 
 def control_senses(model: VehicleModel, params: Params, speed: float = DEFAULT_SPEED) -> dict[str, Sense]:
-    """Return the sense of every control of a vehicle; empty where a push moves nothing that the control is for.
+    """Return the sense of every control of a vehicle; empty if a push moves nothing that the control is for.
 
     Args:
         model: vehicle.
@@ -70,7 +70,7 @@ def push_of(control: str) -> float:
 
 
 def sense_of(control: str, answer: Mapping[str, float]) -> Sense:
-    """Return the sense of a control from the change of each velocity that a positive push makes, SI; empty where the vehicle ran away."""
+    """Return the sense of a control from the change of each velocity that a positive push makes, SI; empty if the vehicle ran away."""
     own = _OWN.get(control)
     if not np.isfinite(list(answer.values())).all():
         return {}

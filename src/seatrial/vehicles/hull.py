@@ -33,8 +33,8 @@ class Hull:
 
     Attributes:
         name: short name.
-        mass: dry mass, kg; None where it is unknown: forces then are per unit of effective inertia, and nothing is known of the body.
-        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown, which is refused for an axis that turns.
+        mass: dry mass, kg; None if it is unknown: forces then are per unit of effective inertia, and nothing is known of the body.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None if unknown, which is refused for an axis that turns.
         products: I_xy, I_xz, I_yz = the integrals of xy, xz and yz over the mass, kg m^2.
         centre_of_gravity: x_g, y_g, z_g, m.
         centre_of_buoyancy: x_b, y_b, z_b, m.
@@ -90,12 +90,12 @@ def whole_hull(
     Args:
         name: short name.
         mass: dry mass, kg.
-        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None if unknown.
         products: I_xy, I_xz, I_yz, kg m^2.
         centre_of_gravity: x_g, y_g, z_g, m.
         centre_of_buoyancy: x_b, y_b, z_b, m.
-        weight: N; the mass times 9.81 m/s^2 where not given.
-        buoyancy: N; the weight where not given.
+        weight: N; the mass times 9.81 m/s^2 if not given.
+        buoyancy: N; the weight if not given.
         thrust_deduction: t_d, 0 <= t_d < 1.
         wake: w, below 1.
         fixed: coefficients that are not estimated, SI.
@@ -149,7 +149,7 @@ def net_and_righting(hull: Hull, params: Params) -> tuple[Any, tuple[Any, Any, A
 
 
 def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:
-    """Return M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 where they are."""
+    """Return M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 if they are."""
     if hull.mass is None:
         return np.eye(6)
     x, y, z = (hull.mass * part for part in hull.centre_of_gravity)
@@ -196,7 +196,7 @@ def asymmetric_pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def _three(values: Sequence, place: str, parts: tuple[str, str, str], *, may_lack: bool = False) -> tuple:
-    remedy = "give three numbers in SI" + ", None where one is unknown" * may_lack
+    remedy = "give three numbers in SI" + ", None for an unknown one" * may_lack
     given = check_sequence(values, place, remedy)
     if len(given) != 3:
         raise InputError(place, found=f"{len(given)} of them", expected="three: " + ", ".join(parts), remedy=remedy)
@@ -215,9 +215,7 @@ def check_hull_numbers(hull: Hull) -> None:
     """
     place = f'vehicle "{hull.name}"'
     if hull.mass is not None:
-        check_number(
-            hull.mass, f"{place}, mass", above=0.0, remedy="give the dry mass in kg, or None where it is unknown"
-        )
+        check_number(hull.mass, f"{place}, mass", above=0.0, remedy="give the dry mass in kg, or None if it is unknown")
         for axis, moment in zip(_XYZ, hull.inertia, strict=True):
             if moment is not None:
                 check_number(moment, f"{place}, inertia {axis}", above=0.0)

@@ -23,7 +23,7 @@ Follow = Callable[[Params, Any, tuple[Any, ...], Any], Any]
 
 @dataclass(frozen=True)
 class VehicleUnknown:
-    """A number of a vehicle that no coefficient is, and that `derivative` takes from `params`; where it is not there, as stated.
+    """A number of a vehicle that no coefficient is, and that `derivative` takes from `params`; if it is not there, as stated.
 
     Attributes:
         name: among the parameters: `gain_f_3`, `lag_n`, `z_b`.
@@ -42,23 +42,23 @@ class VehicleUnknown:
 
 @dataclass(frozen=True)
 class VehicleModel:
-    """Continuous-time dynamics, by which compiled code is found again: models are equal if their functions are the same objects.
+    """Continuous-time dynamics and key of compiled code: models are equal if their functions are the same objects.
 
-    What builds models is a `cached_model`, so that equal parts give equal models, which share what is compiled.
+    Builders of models are a `cached_model`, so that equal parts give equal models, which share compiled code.
 
     Attributes:
         name: short name.
         states: names of the states, for example `("u",)`.
         controls: names of the controls, for example `("n",)`.
-        coefficients: free coefficients, whose values `derivative` expects in `params`.
-        constants: everything else that enters the equations, as (name, value) pairs.
+        coefficients: free ones, with values in `params` of `derivative`.
+        constants: all other numbers of the equations, as (name, value) pairs.
         per_unit_mass: whether forces are divided by an unknown effective mass, and moments by an unknown inertia, so that units lose
             their kilogram.
         derivative: `derivative(params, state, control) -> rate`, on tuples of scalars, SI.
-        outputs: what a sensor may measure besides states and rates, such as Euler angles of a quaternion, by channel.
+        outputs: further quantities for sensors, such as Euler angles of a quaternion, by channel.
         disturbance_axes: axes on which `derivative` adds a force from outside, where `params` has one under its `outside_force`, in
             the unit of a constant force on that axis.
-        unknowns: numbers beside the coefficients that are estimated.
+        unknowns: estimated numbers other than the coefficients.
         exact_lags: how each of the last states follows its control while that is held, in their order: of actuators, of which no
             integrator is to make an error.
     """
@@ -124,7 +124,7 @@ def make_model(
     controls: Mapping[str, str],
     coefficients: Mapping[str, str],
 ) -> VehicleModel:
-    """Make a model of an equation of motion of your own.
+    """Make a model of your equation of motion.
 
     Args:
         name: short name.

@@ -25,7 +25,7 @@ class Tether:
     """A tether; `whole_vehicle` checks it.
 
     Attributes:
-        point: where it is made fast, from the body's origin, body axes, m.
+        point: if it is made fast, from the body's origin, body axes, m.
         linear: k_1, kg/s, which is N s/m.
         quadratic: k_2, kg/m.
     """
@@ -64,7 +64,7 @@ class Tether:
 
         Args:
             velocity: u, v, w, p, q, r through the water, SI.
-            values: those of `unknowns` that are sought, SI; the others are as stated.
+            values: those of `unknowns` to estimate, SI; the others are as stated.
         """
         turned = cross((velocity[3], velocity[4], velocity[5]), self.point)
         local = [total(parts) for parts in zip(velocity[:3], turned, strict=True)]

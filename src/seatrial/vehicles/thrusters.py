@@ -32,7 +32,7 @@ class ThrustLaw:
     """Thrust of a command, such as a pulse width: by a table or a polynomial, none in a dead zone, and a share of it astern.
 
     Attributes:
-        table: name of the file of a table; empty where there is a polynomial.
+        table: name of the file of a table; empty if there is a polynomial.
         polynomial: thrust, N, by powers of the command less `neutral`, the constant first.
         neutral: command of no thrust.
         dead_zone: commands from the first to the second of which there is none, ends included.
@@ -52,20 +52,20 @@ class ThrustLaw:
 
         Args:
             command: as logged, shape (n,).
-            tabled: thrust by the table, where there is one, N, shape (n,).
+            tabled: thrust by the table, if there is one, N, shape (n,).
         """
         thrust = np.polynomial.polynomial.polyval(command - self.neutral, self.polynomial) if tabled is None else tabled
         thrust = np.where(self.is_dead(command), 0.0, thrust)
         return np.where(thrust < 0, self.reverse * thrust, thrust)
 
     def command(self, thrust: float, points: tuple[Sequence[float], Sequence[float]] | None = None) -> float:
-        """Return the command that makes a thrust, N; NaN where none does, as at less than the jump at the end of a dead zone.
+        """Return the command that makes a thrust, N; NaN if none does, as at less than the jump at the end of a dead zone.
 
         Of several commands it is the one nearest to neutral; of no thrust the middle of those of a table or of the dead zone.
 
         Args:
             thrust: N.
-            points: commands of the table, increasing, and their thrusts, where there is one.
+            points: commands of the table, increasing, and their thrusts, if there is one.
         """
         if thrust == 0 and self.dead_zone is not None:
             return sum(self.dead_zone) / 2

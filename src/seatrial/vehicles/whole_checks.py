@@ -66,7 +66,7 @@ def check_whole(
             f"{place}, added_coriolis",
             found=repr(added_coriolis),
             expected='"named" or "automatic"',
-            remedy='"named" where terms such as X_wq are among the coefficients',
+            remedy='"named" if terms such as X_wq are among the coefficients',
         )
     _check_mass(place, hull, moves)
     if hull.tether is not None:
@@ -93,13 +93,13 @@ def _check_freedom(
                 f"{place}, {what}",
                 found=", ".join(wrong or names),
                 expected="each once, of " + " ".join(allowed),
-                remedy="name the signals of this vehicle's motion",
+                remedy="name signals of the motion of this vehicle",
             )
     if set(moves) & set(given):
         raise InputError(
             f"{place}, moves",
             found=", ".join(moves) + " moves, given " + ", ".join(given),
-            expected="velocities of which none is given as well",
+            expected="velocities that are not in `given`",
             remedy="a velocity is a state, a given signal, or zero",
         )
     numbers = isinstance(current, tuple | list) and len(current) == 3 and all(isfinite(as_number(x)) for x in current)
@@ -126,7 +126,7 @@ def _check_term(place: str, hull: Hull, name: CoefficientName) -> None:
         raise InputError(
             f"{place}, term {name}",
             found="an acceleration in another product, or of the thrust",
-            expected="an added mass such as Y_rdot: a force or moment of one acceleration alone",
+            expected="an added mass such as Y_rdot: a force or moment of only one acceleration",
             remedy="leave the term out",
         )
     check_trim(name, hull.trim, place)
@@ -152,7 +152,7 @@ def _check_part(
     raise InputError(
         f"{place}, term {name}",
         found=f"{name}, which has no part in the motion: {why}",
-        expected=f"terms of {', '.join(present)}" if present else "terms of thrust: the vehicle is held",
+        expected=f"terms of {', '.join(present)}" if present else "terms of thrust, because the vehicle does not move",
         remedy="leave it out, or let the vehicle move there, by `moves` or with an unknown mass; "
         "vehicle.terms(moves) gives the terms that act",
     )
@@ -185,16 +185,16 @@ def _check_thrusters(place: str, named: Iterable[CoefficientName], thrusters: Se
         raise InputError(
             f"{place}, term {wrong[0]}",
             found=f"signals {', '.join(wrong[0].signals)}, of a vehicle with {len(thrusters)} thrusters",
-            expected="the thrusters' speed n, or their commanded force f, on the axis T alone, in products with V and with u, the velocity "
-            "along the thruster",
+            expected="the thrusters' speed n, or their commanded force f, only on the axis T, in products with V and with u, the "
+            "velocity along the thruster",
             remedy="leave the term out",
         )
     if thrusters and thrust and "n" not in driven and CoefficientName.parse("T_f") not in thrust:
         raise InputError(
             f"{place}, term {thrust[0]}",
-            found="terms of thrust without T_f: without it a command makes none",
-            expected="T_f, the thrust of a newton that is commanded",
-            remedy="add T_f to `always` of [structure], or fixed = { T_f = 1.0 } to [vehicle] if thrust is as commanded",
+            found="terms of thrust without T_f",
+            expected="T_f, the thrust of a commanded newton",
+            remedy="add T_f to `always` of [structure], or fixed = { T_f = 1.0 } to [vehicle] if thrust equals its command",
         )
 
 
@@ -209,7 +209,7 @@ def _check_automatic(place: str, hull: Hull, named: Sequence[CoefficientName]) -
         raise InputError(
             f"{place}, added mass",
             found=pairs[0],
-            expected="a symmetric added mass, from which its Coriolis forces follow without work done",
+            expected="a symmetric added mass, so that its Coriolis forces do no work",
             remedy=f"give {AXES[j]}_{RATES[i]}dot too" if lone else "make them equal, or name the Coriolis terms",
         )
     made = {product.name: entries[entry] for entry in entries for product in entry_products(*entry)}
@@ -234,7 +234,7 @@ def _check_mass(place: str, hull: Hull, moves: Sequence[str]) -> None:
             f"{place}, inertia",
             found=f"no I_{axis}{axis}, and {RATES[unknown[0]]} moves",
             expected="the moment of inertia of every axis that turns",
-            remedy="give it, or hold the axis",
+            remedy="give it, or take the axis from `moves`",
         )
     matrix = (rigid_mass_matrix(hull) + added_mass_matrix(hull.fixed))[np.ix_(moving, moving)]
     if not np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).min() > 0:
@@ -255,9 +255,9 @@ def check_has_state(model: VehicleModel) -> None:
     if not model.states:
         raise InputError(
             f'vehicle "{model.name}", moves',
-            found="a vehicle that is held, whose thrusters have no lag",
+            found="a vehicle tied in place, with thrusters without a lag",
             expected="the time constant with which the thrust follows its command",
-            remedy='add lag = "0.1 s" to [vehicle.thrust_laws.NAME] or [vehicle.actuators.CONTROL]; [prior.lag_f] seeks it',
+            remedy='add lag = "0.1 s" to [vehicle.thrust_laws.NAME] or [vehicle.actuators.CONTROL]; [prior.lag_f] estimates it',
         )
 
 
@@ -294,8 +294,8 @@ def _check_tether(
         rate = RATES[felt[0]] if felt else "none"
         raise InputError(
             place,
-            found=f"{sought[0]} sought, where {rate} of {', '.join((*moves, *given))} moves its point",
-            expected="two velocities at least that move its point: its drag is told from damping by how it couples them",
+            found=f"{sought[0]} estimated, but {rate} of {', '.join((*moves, *given))} moves its point",
+            expected="at least two velocities that move its point: their coupling separates its drag from damping",
             remedy=f"seek damping such as {AXES[felt[0]]}_{rate} instead, or let the vehicle move in more axes"
             if felt
             else "give the point, or let the vehicle move in more axes",
@@ -304,7 +304,7 @@ def _check_tether(
     if LINEAR in sought and same <= {name.text for name in free}:
         raise InputError(
             place,
-            found=f"{LINEAR} sought beside {', '.join(sorted(same))}, which together are the same force",
-            expected="damping that is known on one of these axes at least",
+            found=f"{LINEAR} sought beside {', '.join(sorted(same))}, which is the same force",
+            expected="known damping on at least one of these axes",
             remedy=f"leave out one of these terms, or state the drag instead of [prior.{LINEAR}]",
         )

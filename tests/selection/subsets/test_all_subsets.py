@@ -209,7 +209,7 @@ def test_bad_question(options, said):
 
 def test_numbers_out_of_range():
     phi, _, stats = problem(4)
-    with pytest.raises(NumericalError, match="more than a number can hold"):
+    with pytest.raises(NumericalError, match="more than a number can represent"):
         all_subsets(stats, some_prior(4).scaled(1e100), NAMES[:4])
     with pytest.raises(NumericalError, match="fits the response exactly"):
         all_subsets(gram(phi, phi @ np.ones(4) * 1e9), GPrior(1e30, 2.0, 1e-30), NAMES[:4])

@@ -92,7 +92,7 @@ class DaskWorkers:
         except (*LOST_ERRORS, ValueError, TypeError, KeyError, RuntimeError) as cause:
             raise InputError(
                 f"workers {name}",
-                found=f"no scheduler that answers within {CONNECT:g} s ({type(cause).__name__}: {cause})",
+                found=f"no answer of a scheduler within {CONNECT:g} s ({type(cause).__name__}: {cause})",
                 expected="the address of a Dask scheduler of the same version, as `dask scheduler` prints it",
                 remedy='start one with `dask scheduler`, correct the address, or set SEATRIAL_WORKERS="local"',
             ) from cause
@@ -113,7 +113,9 @@ class DaskWorkers:
             used = sorted(one["metrics"]["memory"] / 2**20 for one in workers.values())
             return f"{_counted(workers)}, memory of each {used[0]:.0f} to {used[-1]:.0f} MiB"
         start = f"start one with: dask worker {self.name} --nworkers auto --nthreads 1"
-        return f"no worker at {self.name}: waiting ({'SLURM has yet to start them' if self.name == 'slurm' else start})"
+        return (
+            f"no worker at {self.name}: waiting ({'SLURM has not started them yet' if self.name == 'slurm' else start})"
+        )
 
     def greet(self) -> None:
         """Check the scheduler, which reads what the tasks are made of, and the workers that are there; say where they are.
@@ -168,7 +170,7 @@ class DaskWorkers:
             f"workers {self.name}",
             found=f"the scheduler is gone; {kept} of {total} tasks are kept" if total else "the scheduler is gone",
             expected="one that stays until the work is done",
-            remedy='start it and run the same command again, which goes on from there; on this machine with SEATRIAL_WORKERS="local"',
+            remedy='start it and run the same command again, which continues; to use this machine set SEATRIAL_WORKERS="local"',
         )
 
 
@@ -228,8 +230,8 @@ class _Run:
             return self._fetched(future)
         except KilledWorker as cause:
             raise NumericalError(
-                f"every worker that ran one of the tasks has died, {cause.allowed_failures + 1} of them: most likely their memory is too "
-                f"small; give each more, and look at the log of {getattr(cause.last_worker, 'address', 'the last one')}"
+                f"every worker that ran one of the tasks has stopped, {cause.allowed_failures + 1} of them: probably for lack of memory. "
+                f"Give each more, and look at the log of {getattr(cause.last_worker, 'address', 'the last one')}"
             ) from cause
         except Exception as cause:
             if "cancelled" in type(cause).__name__.lower():

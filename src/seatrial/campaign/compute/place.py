@@ -78,7 +78,7 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
             raise InputError(
                 campaign.where("compute.slurm"),
                 found="nothing",
-                expected="what to ask SLURM for",
+                expected="the resources of the SLURM jobs",
                 remedy='add [compute.slurm] with memory = "8GB", walltime = "02:00:00", cores and jobs',
             )
         return _joined("slurm", asked, reporter)
@@ -88,7 +88,7 @@ def workers_of(campaign: Campaign, reporter: Reporter = SILENT) -> Workers:
         where,
         found=f'"{place}"',
         expected='"local", "slurm", or the address of a Dask scheduler, tcp://host:8786',
-        remedy="correct it, or leave it out to work on this machine",
+        remedy="correct it, or leave it out to compute on this machine",
     )
 
 
@@ -102,7 +102,7 @@ def _place(compute: ComputeTable, where: Callable[[str], str]) -> tuple[str, str
         raise InputError(
             place,
             found=f'"{written}"',
-            expected="an address that you trust: the program there can run code here, and anybody may have written this file",
+            expected="an address that you trust: the program there can run code here, and this file may come from others",
             remedy=f"if you trust it: export {VARIABLE}={written}",
         )
     return written, place

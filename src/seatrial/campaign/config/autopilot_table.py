@@ -63,7 +63,7 @@ class LoopTable(Table):
 
 @dataclass(frozen=True)
 class AutopilotSettings:
-    """The loops of the autopilot, none where there is none, and the set-point of each while a trial leaves it alone, SI."""
+    """The loops of the autopilot, none if there is none, and the set-point of each while a trial leaves it alone, SI."""
 
     loops: tuple[Loop, ...] = ()
     set_points: tuple[float, ...] = ()
@@ -90,7 +90,7 @@ def read_autopilot(
     trim: Mapping[str, float],
     sample_time: float,
 ) -> AutopilotSettings:
-    """Read the loops of an autopilot, none where there are no tables.
+    """Read the loops of an autopilot, none if there are no tables.
 
     Args:
         tables: as written, by the channel that each holds.
@@ -147,7 +147,7 @@ def _check_measured(name: str, channels: Sequence[str], keys: FileKeys, key: str
     if name not in channels:
         raise InputError(
             keys.where(key),
-            found=f'"{name}", which no sensor shows',
+            found=f'"{name}", which no sensor measures',
             expected="a measured channel: " + ", ".join(channels),
-            remedy=f"add [sensors.{name}]: the autopilot sees what the sensor shows",
+            remedy=f"add [sensors.{name}]: the autopilot uses the output of the sensor",
         )

@@ -53,36 +53,36 @@ from seatrial.vehicles.model import VehicleModel
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What a vehicle is, what is believed and measured, and what is to be done; all of it in SI.
+    """Vehicle, priors, sensors, trials and goals of a campaign, all in SI.
 
     Attributes:
         name: in headings.
         seed: of everything random.
-        vehicle: what is known about it.
-        structure: which terms its model may have.
+        vehicle: its known properties.
+        structure: terms that its model may have.
         priors: of coefficients, delay and nuisances, by name, SI.
-        prior_units: units in which priors are written, by name; SI where nothing is said.
+        prior_units: units in which priors are written, by name; SI if nothing is said.
         sensors: by the channel that each measures.
-        mounts: where sensors sit, how they are turned, and their scale, by channel.
-        trial_design: which trials are tried; None where imported runs are fitted, and none is designed.
-        own_schedule: schedule that is weighed beside the families, and run first; no design of a family depends on it.
+        mounts: place, turn and scale of sensors, by channel.
+        trial_design: the compared trials; None if imported runs are fitted, and none is designed.
+        own_schedule: schedule that is compared with the families, and run first; no design of a family depends on it.
         control_limits: of controls, by name, SI.
         motion_limits: of the motion.
         autopilot: through which trials run.
-        power: what a trial draws; None where nobody asks.
-        goal: what ends the campaign; None where nothing is said.
-        plan: what a day at sea allows.
-        truth: of a simulated vehicle, by coefficient, and beside them its current and lag, SI; empty for real ones.
-        imports: runs and their logs; None where trials are simulated, or none has been run.
-        process_noise: standard deviation that a state or coefficient gains in one second, SI; 0 where nothing is said.
+        power: that a trial draws; None if not stated.
+        goal: end of the campaign; None if not stated.
+        plan: time and energy of a day at sea.
+        truth: of a simulated vehicle, by coefficient, with its current and lag, SI; empty for real ones.
+        imports: runs and their logs; None if trials are simulated, or none has been run.
+        process_noise: standard deviation that a state or coefficient gains in one second, SI; 0 if not stated.
         estimation: likelihood and chains.
         selection: prior of the structures, and effort behind each evidence.
         compute: where work is done.
-        accepted: codes of findings that are right but known.
-        priors_from: folders of earlier campaigns, of which priors and fixed coefficients are.
+        accepted: codes of known findings.
+        priors_from: folders of earlier campaigns that give priors and fixed coefficients.
         folder: of results, and of files that are named relative to it.
-        text: the campaign file, which says on what line a key stands; empty where there is none. No part of what is computed.
-        shortlist: what a screening has left of the structures, where there are too many to simulate each.
+        text: the campaign file, for the line of a key; empty if there is none. Results do not depend on it.
+        shortlist: structures that a screening leaves, if there are too many to simulate each.
     """
 
     name: str
@@ -119,11 +119,11 @@ class Campaign:
         return self.folder / FILE_NAME
 
     def where(self, key: str) -> str:
-        """Name a key, and its line where there is a file, for errors."""
+        """Name a key, and its line if there is a file, for errors."""
         return key_place(self.path, self.text, key) if self.text else f'campaign "{self.name}", key {key}'
 
     def where_of_prior(self, key: str) -> str:
-        """Name what states a prior such as `prior.sigma_u`, for errors: its section, or the noise of which a usual one is made."""
+        """Name the source of a prior such as `prior.sigma_u`, for errors: its section, or the noise that makes a usual one."""
         name = key.removeprefix("prior.").partition("[")[0]
         if not self.text or f"prior.{name}" in key_lines(self.text):
             return self.where(f"prior.{name}")
@@ -164,7 +164,7 @@ class Campaign:
 
     @property
     def hull(self) -> Hull:
-        """What is known about the vehicle."""
+        """Known properties of the vehicle."""
         return self.vehicle.hull
 
     def model(self, structure: Structure) -> VehicleModel:
@@ -184,7 +184,7 @@ class Campaign:
         return shown_as_written(self.prior_units)
 
     def check_no_autopilot(self, what: str, because: str = "") -> None:
-        """Check that trials act on the controls themselves, for what cannot follow an autopilot, in words, with its reason.
+        """Check that trials act directly on the controls, for methods without an autopilot, in words, with the reason.
 
         Raises:
             InputError: trials run through an autopilot.
@@ -193,7 +193,7 @@ class Campaign:
             raise InputError(
                 self.where(f"autopilot.{self.autopilot.loops[0].holds}"),
                 found=f"trials through an autopilot, with {what}{because and ', ' + because}",
-                expected="trials that act on the controls themselves",
+                expected="trials that act directly on the controls",
                 remedy=f"leave out {what}; the designs of the families, --free-form, --search and --trials run through the autopilot",
             )
 
@@ -219,7 +219,7 @@ class Campaign:
         return tuple(biases + [CURRENT] * (self.estimation.current == "own"))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
-        """1 where each sensor gives a sample, 0 between, shape (n, m)."""
+        """1 if each sensor gives a sample, 0 between, shape (n, m)."""
         columns = []
         for sensor in self.sensors.values():
             every = round(1.0 / (sensor.rate * (time[1] - time[0])))
@@ -232,9 +232,9 @@ class Campaign:
         return np.array([self.process_noise.get(name, ACTUATOR_SD * name.endswith(ACTUAL)) for name in names])
 
     def expected_process(self, model: VehicleModel) -> tuple[float, ...] | None:
-        """Return what each state is expected to gain in one second by process noise, SI, the medians of its priors; None for none.
+        """Return the growth of each state in one second by process noise, SI, the medians of its priors; None for none.
 
-        A trial is designed for the likelihood by which it will be judged.
+        A trial is designed for the likelihood of its later fit.
         """
         priors = [self.priors.get(process_name(state)) for state in model.states]
         if self.estimation.likelihood == "output-error" or not any(priors):
@@ -257,7 +257,7 @@ class Campaign:
         return tuple(self.prior(term.text) for term in model.coefficients)
 
     def other_unknowns(self, model: VehicleModel) -> list[tuple[Unknown, Prior]]:
-        """Unknowns of a model beside coefficients and initial states, each with its prior.
+        """Unknowns of a model other than coefficients and initial states, each with its prior.
 
         Raises:
             InputError: a prior that is missing.
@@ -277,7 +277,7 @@ class Campaign:
 
     @property
     def has_records(self) -> bool:
-        """Whether its trials are simulated or imported; without either it designs, from what is believed."""
+        """Whether its trials are simulated or imported; without either it designs from the priors."""
         return self.is_simulated or self.imports is not None
 
     @property
@@ -296,7 +296,7 @@ class Campaign:
             raise InputError(
                 self.where("design"),
                 found="nothing",
-                expected="[design]: which control a trial moves, how long, and in which shapes, amplitudes and periods",
+                expected="[design]: the control that a trial moves, its duration, shapes, amplitudes and periods",
                 remedy="add [design] to design a trial; without it a campaign imports, checks, estimates, selects and reports",
             )
         return self.trial_design
@@ -319,23 +319,23 @@ class Campaign:
 
     @property
     def trim(self) -> Mapping[str, float]:
-        """Trim values of states and controls that are stated, SI; that of a designed control where the design states another."""
+        """Stated trim values of states and controls, SI; that of the design for a designed control."""
         trim = self.hull.trim
         return trim if self.trial_design is None else {**trim, self.family.control: self.family.trim}
 
     @property
     def example_vehicle(self) -> str:
-        """Say that the vehicle is still the one that a template has for an example; empty where it is not."""
+        """Return that the vehicle is still the example of a template; empty if it is not."""
         if self.hull.name != EXAMPLE_VEHICLE:
             return ""
-        return f'[vehicle] is the example of the template, "{EXAMPLE_VEHICLE}": write the name and the numbers of your own vehicle'
+        return f'[vehicle] is the example of the template, "{EXAMPLE_VEHICLE}": write the name and the numbers of your vehicle'
 
     def state_trim(self, model: VehicleModel) -> tuple[float, ...]:
-        """Trim value of every state of a model, SI; level and 0 where nothing is said."""
+        """Trim value of every state of a model, SI; level and 0 if not stated."""
         return level_start(model, self.trim)
 
     def pilot(self, controls: Sequence[str]) -> Autopilot | None:
-        """Return the autopilot of a vehicle of these controls; None where trials act on them directly."""
+        """Return the autopilot of a vehicle of these controls; None if trials act on them directly."""
         if not self.autopilot.loops:
             return None
         bounds = [self.control_limits.get(name, Limits()) for name in controls]
@@ -344,9 +344,9 @@ class Campaign:
         return Autopilot(tuple(controls), self.autopilot.loops, lower, upper)
 
     def control_trim(self, model: VehicleModel) -> Trim:
-        """All that a trial commands with its trim value, SI: controls of a model, then set-points; what a design leaves alone stays there.
+        """Trim values of all commands of a trial, SI: controls of a model, then set-points. A command that no design moves stays there.
 
-        Thrusters, fins and forces across are at 0 where nothing is said; not so what drives the vehicle ahead.
+        Thrusters, fins and side forces are at 0 if not stated; drives ahead must be stated.
 
         Raises:
             InputError: a propeller, a force ahead or a given velocity without a trim value.
@@ -360,16 +360,16 @@ class Campaign:
             raise InputError(
                 self.where(f"vehicle.trim.{missing[0]}"),
                 found="nothing",
-                expected=f"the value at which {' and '.join(missing)} would be held while a trial moves another control",
+                expected=f"the value at which {' and '.join(missing)} keeps while a trial moves another control",
                 remedy=f"add to the trim of [vehicle], for example {example}",
             )
         return tuple((name, known.get(name, 0.0)) for name in commands)
 
     def prediction(self, model: VehicleModel) -> Prediction | None:
-        """What the coefficients are wanted for, by one structure's model; None where nothing is stated.
+        """The stated prediction by the model of one structure; None if there is none.
 
         Raises:
-            InputError: something the vehicle cannot predict, or a control without a trim value.
+            InputError: a quantity that the vehicle cannot predict, or a control without a trim value.
         """
         stated = None if self.trial_design is None else self.trial_design.prediction
         if stated is None:

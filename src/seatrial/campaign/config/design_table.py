@@ -38,7 +38,7 @@ RateOfLimited = Annotated[float, Unit("({limited})/s", "that of the control, per
 OfRange = Annotated[float, Unit("{range}", "that of the quantity")]
 
 OfBeside = Annotated[
-    float, Unit("{beside}", "that of the control", above=0.0, remedy="remove it where the control is to stay at trim")
+    float, Unit("{beside}", "that of the control", above=0.0, remedy="remove it if the control stays at trim")
 ]
 
 
@@ -155,12 +155,12 @@ class DesignTable(Table):
     )
     over: Over = Field(
         default="mean",
-        description="the utility is the mean over draws of the coefficients, the value at their mean (`local`), or the worst",
+        description="the utility is the mean over draws of the coefficients, its value at their mean (`local`), or the worst value",
     )
-    per: Per = Field(default="trial", description="whether a trial counts as a whole, by its energy, or by its time")
+    per: Per = Field(default="trial", description="whether the utility counts per trial, per joule or per second")
     turnaround: Turnaround = Field(default=0.0, description='time between trials, counted with `per = "second"`')
     probability: float = Field(
-        default=0.95, gt=0.0, lt=0.99, description="probability with which the limits of the motion must be kept"
+        default=0.95, gt=0.0, lt=0.99, description="required probability that the motion stays inside its limits"
     )
     trim: OfControl | None = Field(
         default=None, description="value about which the control is driven; if not given, that of `[vehicle]`"
@@ -177,11 +177,11 @@ class DesignTable(Table):
     ramp: Seconds = Field(default=0.0, description="time that each change of level takes")
     sample_time: Seconds = Field(description="time between samples")
     schedule: str | None = Field(
-        default=None, description="CSV of your schedule, which is compared with the designs and run first"
+        default=None, description="CSV of your schedule; it is compared with the designs and run first"
     )
     amplitude: Annotated[RangeTable, RangeOf("{control}")] = Field(description="amplitudes that are compared")
     period: Annotated[RangeTable, RangeOf("s")] = Field(
-        description="periods that are compared; the list of shapes has the meaning for each"
+        description="periods that are compared; the list of shapes gives the meaning for each"
     )
     relay: RelayTable | None = Field(default=None, description="the self-oscillating test, `[design.relay]`")
     prediction: PredictionTable | None = Field(
@@ -315,14 +315,14 @@ def check_utility(design: DesignTable, keys: FileKeys, is_one_structure: bool, h
         raise InputError(
             keys.where("design.utility"),
             found='"discrimination" of a single structure',
-            expected="terms whose presence the data decide",
+            expected="optional terms, about which the data decide",
             remedy='add them to structure.optional, or set utility = "fisher-d"',
         )
     if design.turnaround > 0 and design.per != "second":
         raise InputError(
             keys.where("design.turnaround"),
-            found=f'{design.turnaround:g} s with per = "{design.per}", which does not count it',
-            expected='per = "second" beside it',
+            found=f'{design.turnaround:g} s with per = "{design.per}", which does not use it',
+            expected='per = "second" with it',
             remedy='set per = "second", or remove turnaround',
         )
     if design.over == "worst" and design.per == "second":
@@ -390,13 +390,13 @@ def read_limits(
 
 
 def _control_remedy(name: str, controls: Sequence[str]) -> str:
-    """Say how a vehicle gets a control that it does not have."""
+    """Return how a vehicle gets a control that it does not have."""
     if is_thruster(name):
-        return "describe the thrusters of your own vehicle under [[vehicle.thrusters]], or name a published vehicle that has them"
+        return "describe the thrusters of your vehicle under [[vehicle.thrusters]], or name a published vehicle that has them"
     if controls and name not in CONTROLS:
         return nearest(name, controls)
     has = ", ".join(controls) or "none"
-    return f"a vehicle has a control where a term names it, such as T_nabsn, X_tau_X or N_uudelta_r; this one has {has}"
+    return f"a vehicle has a control if a term contains it, such as T_nabsn, X_tau_X or N_uudelta_r; this vehicle has {has}"
 
 
 def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> PowerTable:
@@ -409,14 +409,14 @@ def read_power(table: PowerTable | None, keys: FileKeys, control: str) -> PowerT
         raise InputError(
             keys.where("design.per"),
             found=f'"joule" with the control {control}',
-            expected="the propeller n, whose power grows with its cube",
+            expected="the propeller n, because its power grows with the cube",
             remedy='set per = "trial"',
         )
     if table is None:
         raise InputError(
             keys.where("design.per"),
             found='"joule" without [power]',
-            expected="what the vehicle draws",
+            expected="the power of the vehicle",
             remedy='add [power] with hotel = "20 W", propulsion = "40 W" and at = "1500 rpm"',
         )
     if not (table.propulsion > 0 and table.at != 0 and table.hotel >= 0):

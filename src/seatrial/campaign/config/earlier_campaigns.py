@@ -56,7 +56,7 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
 
 
 def lost_correlations(campaign: Campaign) -> list[str]:
-    """Say which priors were taken from an earlier campaign that found them strongly correlated, and what that does."""
+    """Return which priors were taken from an earlier campaign that found them strongly correlated, and what that does."""
     lines = []
     for item in campaign.priors_from:
         earlier = _earlier(campaign.folder, item, campaign.where("vehicle.priors_from"))
@@ -64,8 +64,8 @@ def lost_correlations(campaign: Campaign) -> list[str]:
             n for n, (mean, _) in earlier.found.items() if n in campaign.priors and campaign.priors[n].mean == mean
         }
         lines += [
-            f"priors_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, and their priors here have none: the "
-            "combination that was known best is less certain here than it was; if that matters, fit both records in one campaign"
+            f"priors_from {item}: {first} and {second} were found with a correlation of {r:+.2f}, but their priors here have none, so "
+            f"their combination is less certain here. If that matters, fit both records in one campaign"
             for first, second, r in earlier.correlated
             if {first, second} <= taken
         ]
@@ -98,7 +98,7 @@ def _earlier(folder: Path, item: str, where: str) -> _Earlier:
         raise InputError(
             where,
             found=f"the file {item}",
-            expected="the folder of a campaign that has been run, relative to this one's folder",
+            expected="the folder of a finished campaign, relative to the folder of this one",
             remedy="correct the path",
         )
     result = next((path for path in (store.summary, store.mode) if is_there(path)), None)
@@ -106,7 +106,7 @@ def _earlier(folder: Path, item: str, where: str) -> _Earlier:
         raise InputError(
             where,
             found=f"{item}, a campaign without a finished run and without a posterior mode",
-            expected="the mean and standard deviation of each coefficient, which either of them has",
+            expected="one of them, with the mean and standard deviation of each coefficient",
             remedy=f"run `seatrial run {there}`, or `seatrial estimate {there} --by mode` for a first answer",
         )
     find(folder, str(Path(item) / result.relative_to(there)), where)  # a link may lead outside
@@ -136,7 +136,7 @@ def _check_trim(path: Path, terms: Sequence[str], table: VehicleTable, where: st
                 raise InputError(
                     where,
                     found=f"{name} about {signal} = {there}, and here a trim of {here}",
-                    expected="one trim: the coefficient counts from it, and so do others, such as T_f beside T_fdV",
+                    expected="the same trim: the coefficient refers to it, and so do others, such as T_f with T_fdV",
                     remedy=f'give trim = {{ {signal} = "{there}" }} to [vehicle] here'
                     if before is not None
                     else "give it in both",
@@ -183,9 +183,9 @@ def with_known(
         tables: as written.
         found: by earlier campaigns.
         published: coefficients of the vehicle, SI.
-        published_prior_sd: share to which those are believed; None where they are not.
+        published_prior_sd: share to which those are believed; None if they are not.
         keys: of the file.
-        terms: that are sought.
+        terms: to estimate.
 
     Raises:
         InputError: a share that is not positive, a published value of zero, or none that a prior could be made of.
@@ -208,9 +208,9 @@ def with_known(
     if len(priors) == before:
         raise InputError(
             keys.where("vehicle.published_prior_sd"),
-            found="a key without effect: no coefficient that is sought is both published and without a prior of its own",
+            found="a key without effect: each estimated coefficient has a prior here or is not published",
             expected="keys that have an effect",
-            remedy="remove it, or the priors that it is to stand for",
+            remedy="remove it, or the priors that it replaces",
         )
     return priors
 
@@ -222,7 +222,7 @@ def _about(keys: FileKeys, share: float, name: str, value: float) -> PriorTable:
             keys.where("vehicle.published_prior_sd"),
             found=f"{100 * share:g} % of {name} = {value:g}",
             expected="a positive share of a value that is not zero",
-            remedy=f'for example "30 %", and [prior.{name}] of its own where nothing is published',
+            remedy=f'for example "30 %", and [prior.{name}] for each coefficient that is not published',
         )
     has_side = value < 0 and physical_support(CoefficientName.parse(name), inf) is not None
     return PriorTable(distribution="normal", mean=value, sd=share * abs(value), dissipative=has_side)

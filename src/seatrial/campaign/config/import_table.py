@@ -86,7 +86,7 @@ class FileTable(Table):
     """
 
     path: str = Field(
-        description="path of the log; `{run}` stands for the label of a run, `${NAME}` for an environment variable"
+        description="path of the log; `{run}` means the label of a run, `${NAME}` an environment variable"
     )
     table: str | None = Field(
         default=None, description="topic, type of message, struct or variable, if the log has several"
@@ -99,7 +99,7 @@ class FileTable(Table):
         description="runs with this log; all if not given",
     )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
-        default="as_stamped", description="use the stamps as they are, spread them evenly, or drop rows that repeat one"
+        default="as_stamped", description="keep the stamps, spread them evenly, or drop rows with a repeated stamp"
     )
     shift: Seconds | None = Field(
         default=None,
@@ -127,7 +127,7 @@ class FileTable(Table):
     def _check_header(self) -> Self:
         if self.names is not None and "header_rows" in self.model_fields_set:
             raise without_effect(
-                "header_rows", "`names` says that the file has no header", "remove it, or remove names"
+                "header_rows", "`names` means that the file has no header", "remove it, or remove names"
             )
         return self
 
@@ -139,7 +139,7 @@ class KeepTable(Table):
     (`==`, `!=`, `<`, `<=`, `>`, `>=`) are joined by `and`; a number holds from its stamp to the next.
     """
 
-    path: str = Field(description="path of a log of the trial; `{run}` stands for the label of a run")
+    path: str = Field(description="path of a log of the trial; `{run}` means the label of a run")
     when: str = Field(
         description="comparisons of columns with numbers, joined by `and`, such as `armed == 1 and voltage > 14.5`"
     )
@@ -186,7 +186,7 @@ class ImportTable(Table):
     start: Seconds | None = Field(default=None, description="beginning of the part that is kept")
     end: Seconds | None = Field(default=None, description="end of the part that is kept")
     trim: dict[str, TrimTable] = Field(
-        default={}, description="`[import.trim.RUN]`, for a run with its own start and end"
+        default={}, description="`[import.trim.RUN]`, for a run with a different start and end"
     )
     split: Length | None = Field(default=None, description="length of the pieces into which a long record is cut")
     schedule: str | None = Field(
@@ -195,7 +195,7 @@ class ImportTable(Table):
     )
     keep: Several[KeepTable] = Field(
         default=(),
-        description="conditions that a run must meet, `[[import.keep]]`; it is cut to the longest such stretch",
+        description="conditions of a run, `[[import.keep]]`; it is cut to the longest stretch that meets them",
     )
     files: Several[FileTable] = Field(min_length=1, description="the logs, `[[import.files]]`, one or more")
 
@@ -220,7 +220,7 @@ class ImportTable(Table):
             raise refused(
                 "a run named twice in fit and predict",
                 "each run once",
-                "a run that was fitted cannot also be a test of prediction",
+                "each run either fitted or predicted",
                 key="predict" if self.predict else "fit",
             )
         for run in self.runs:
@@ -240,7 +240,7 @@ class ImportTable(Table):
         for run in self.runs:
             if not self.of(run):
                 raise refused(
-                    f'no log of run "{run}": `runs` of each names others',
+                    f'no log of run "{run}": `runs` of each log lists other runs',
                     "one [[import.files]] or more for each run",
                     f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
                     key="files",
@@ -275,7 +275,7 @@ class ImportTable(Table):
                 raise refused(
                     f'runs "{one}" and "{other}", which both read {", ".join(paths)} over the same time: one trial counted twice',
                     "a log, or a part of a log, for each run",
-                    "write {run} in the path where the names of the logs differ by it; or an [[import.files]] for each log, with "
+                    "write {run} in the path if the names of the logs differ by it. Otherwise write an [[import.files]] for each log, with "
                     f'runs = ["{one}"] and runs = ["{other}"]; or give each run its own part, by start and end under [import.trim.{other}]',
                     key=f"files[{next(iter(self.of(other)))}].path",
                 )
@@ -298,7 +298,7 @@ class LogColumn:
 
     Of a sum of columns, `column` is the sum as it was written, and `parts` are its factors and columns. `law` is that of a thruster, whose
     command the column or the sum is, after `offset` is added; `scale` then multiplies the thrust. `between` says what a control does
-    between its samples; None where that is not said.
+    between its samples; None if that is not said.
     """
 
     column: str
@@ -359,7 +359,7 @@ def _column(
             keys.where(key),
             found=f'channel "{name}"',
             expected=f"one of {', '.join(known)}, or a part of the attitude or of a velocity over the earth",
-            remedy=f"leave it out where no term needs it; else {nearest(name, known)}",
+            remedy=f"leave it out if no term needs it; else {nearest(name, known)}",
         )
     law = laws.get(name)
     if column.unit == COMMAND or law is not None:
@@ -379,8 +379,8 @@ def _column(
     if len(parts) > 1 and column.curve is not None and is_thruster(name) and name[0] == "f":
         raise InputError(
             keys.where(f"{key}.curve"),
-            found=f"a curve of each column of {name}, whose columns are added up",
-            expected="one command of a thruster, of which a curve or a law makes its thrust",
+            found=f"a curve of each column of {name}, with the sum of the columns",
+            expected="one command of a thruster, which a curve or a law converts to thrust",
             remedy=f'give the thrusters a law, [vehicle.thrust_laws.NAME] with curve = "{column.curve}", and their channels '
             f'unit = "{COMMAND}" without a curve: a law acts on the sum',
         )
@@ -403,7 +403,7 @@ def _check_command(column: ColumnTable, law: ThrustLaw | None, keys: FileKeys, k
     if column.curve is not None:
         raise InputError(
             keys.where(f"{key}.curve"),
-            found="a curve beside the thruster's law of thrust",
+            found="a curve and the law of thrust of the thruster",
             expected="one of them",
             remedy="remove it here, or the law under [vehicle]",
         )

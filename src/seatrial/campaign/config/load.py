@@ -42,10 +42,10 @@ def load_campaign(folder: Path | str) -> Campaign:
     """Read and check the campaign of a folder, or of the campaign file itself.
 
     Args:
-        folder: that holds `campaign.toml`, or the path of this file.
+        folder: of `campaign.toml`, or the path of this file.
 
     Returns:
-        what the file says, in SI.
+        the content of the file, in SI.
 
     Raises:
         InputError: no such file, one that is too large or not UTF-8, malformed TOML, unknown or missing key, wrong type, unit or name.
@@ -159,7 +159,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
         raise InputError(
             keys.where("estimation.initial"),
             found=f'"{estimation.initial}" with a current that is a state of each trial',
-            expected='"estimated": no log says the velocity of the water at the start',
+            expected='"estimated": no log contains the velocity of the water at the start',
             remedy='set initial = "estimated", or remove vehicle.current',
         )
     _ = campaign.full, campaign.prediction(model)
@@ -179,7 +179,7 @@ def _check_effects(file: CampaignFile, campaign: Campaign, keys: FileKeys) -> No
     for key in sorted({"thrust_deduction", "wake"} & table.model_fields_set):
         if "T" not in thrusts:
             raise keys.without_effect(
-                f"vehicle.{key}", "no thrust T_… is sought or fixed", "remove it, or add thrust such as T_nabsn"
+                f"vehicle.{key}", "no thrust T_… is estimated or fixed", "remove it, or add thrust such as T_nabsn"
             )
     tether = campaign.hull.tether if isinstance(campaign.hull, Hull) else None
     if tether is not None and not (tether.linear or tether.quadratic or set(TETHER) & set(campaign.priors)):
@@ -223,7 +223,7 @@ def _process_noise(
         noise[name] = written if isinstance(written, float) else keys.si(written, units[name], key)
         if not 0 <= noise[name] < inf:
             raise InputError(
-                keys.where(key), found=f"{written}", expected="0 or more", remedy="0 says that the model is perfect"
+                keys.where(key), found=f"{written}", expected="0 or more", remedy="0 means that the model is perfect"
             )
     return noise
 
@@ -262,7 +262,7 @@ def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:
                 keys.where(key),
                 found=f"{written}",
                 expected=f'a positive standard deviation in {units[name]}, or a percentage such as "10 %"',
-                remedy="say how well the controller or the simulator needs to know it",
+                remedy="state the precision that the controller or the simulator needs",
             )
         (shares if relative else sds)[name] = value
     return Goal(shares, sds, table.decided, table.trials)
@@ -282,21 +282,21 @@ def _check_source(file: CampaignFile, keys: FileKeys, model: VehicleModel) -> No
             str(keys.path),
             found="both [truth] and [import]",
             expected="one of them: a simulated vehicle or a real log",
-            remedy="remove one of the two; without both a trial is designed before there are any data",
+            remedy="remove one of the two; without both, seatrial designs a trial before any data",
         )
     if file.plan is not None and file.plan.battery < inf and file.power is None:
         raise InputError(
             keys.where("plan.battery"),
             found="a battery without [power]",
-            expected="what a trial draws from it",
-            remedy='add [power] with hotel = "20 W", propulsion = "60 W" and at = "1500 rpm", say',
+            expected="the power that a trial draws from it",
+            remedy='add [power] with hotel = "20 W", propulsion = "60 W" and at = "1500 rpm", for example',
         )
     needing = [f"[{name}]" for name in ("autopilot", "power", "plan") if getattr(file, name)]
     if file.design is None and (needing or file.imported is None):
         raise InputError(
             keys.where("design"),
             found="nothing",
-            expected=f"[design], {'without [import]' if file.imported is None else 'beside ' + needing[0]}: what a trial may be",
+            expected=f"[design], {'without [import]' if file.imported is None else 'beside ' + needing[0]}: the range of trials",
             remedy=f"add it; for example\n{indent(_design_example(model.controls[0]), '    ')}",
         )
 
@@ -322,7 +322,7 @@ def _check_start(campaign: Campaign, is_trim_stated: bool) -> None:
             raise InputError(
                 campaign.where("vehicle.trim.u"),
                 found="nothing",
-                expected="the speed at which a trial begins, which no record shows yet",
+                expected="the speed at which a trial begins",
                 remedy='add trim = { u = "1.5 m/s" } to [vehicle]; "0 m/s" begins at rest',
             )
         if campaign.estimation.initial == "trim":

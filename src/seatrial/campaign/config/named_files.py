@@ -36,7 +36,7 @@ def find(folder: Path, written: str, where: str, run: str = "") -> Path:
         folder: of the campaign.
         written: relative to it, or absolute; may begin with `~`, and hold environment variables, and `{run}`.
         where: file and key, for errors.
-        run: label of a run, in place of `{run}`.
+        run: label of a run, instead of `{run}`.
 
     Raises:
         InputError: a variable that is not set, nothing there, a device or a pipe, or, where files are kept within folders, one

@@ -112,7 +112,7 @@ def read_priors(
             raise InputError(
                 keys.where(f"prior.{name}"),
                 found="a support that reaches beyond 1 s",
-                expected=f"a prior of how late the sensor is, from 0 s to {MAX_LATENESS:g} s at most",
+                expected=f"a prior of the lag of the sensor, from 0 s to {MAX_LATENESS:g} s at most",
                 remedy='for example distribution = "uniform", lower = 0.0 and upper = 0.5',
             )
     for one in unknown:
@@ -141,7 +141,7 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
 
 
 def _unused_remedy(unused: Sequence[str], channels: Sequence[str], allowed: Sequence[str]) -> str:
-    """Say what to do with priors that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
+    """Return what to do with priors that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
     name = unused[0]
     of_noise = {of(channel): (channel, kind) for of, kind in _OF_NOISE.items() for channel in channels}
     if name in of_noise:
@@ -150,7 +150,7 @@ def _unused_remedy(unused: Sequence[str], channels: Sequence[str], allowed: Sequ
         tables = [f"[prior.{one}]" for one in unused if one in of_noise]
         return f"remove {listed(tables)}, of {of_noise[name][1]} residuals: those of {channel} are {kind}"
     if name in TETHER:
-        return "add [vehicle.tether] to a vehicle that says what `moves`"
+        return "add [vehicle.tether] to a vehicle with `moves`"
     with suppress(InputError):
         return f"delete the table, or name {CoefficientName.parse(name).text} under always or optional of [structure]"
     return nearest(name, allowed)
@@ -202,7 +202,7 @@ def _numbers(table: PriorTable, where: str) -> dict[str, float]:
                 f"{where}.{key}",
                 found=str(value),
                 expected="a finite number",
-                remedy="give the smallest and the largest value you would believe"
+                remedy="give the smallest and the largest plausible value"
                 + ("; leave the key out for a side without a bound" if bounds else ""),
             )
         numbers[key] = value
@@ -237,9 +237,9 @@ def _physical(prior: Prior, name: str, inertia: float, where: str) -> Prior:
     if support is None:
         raise InputError(
             where,
-            found=f"true for {name}, whose sign is not fixed by physics",
-            expected="damping along the term's own axis (X_u, X_uabsu) or its added mass (X_udot)",
-            remedy="remove the key, and bound the prior by lower and upper where you know better",
+            found=f"true for {name}, which may have either sign",
+            expected="damping (X_u, X_uabsu) or added mass (X_udot) along the axis of the term",
+            remedy="remove the key, and bound the prior by lower and upper if you know a bound",
         )
     with located(where):
         return restricted(prior, *support)

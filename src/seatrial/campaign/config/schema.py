@@ -81,7 +81,7 @@ class StructureTable(Table):
                 )
         if "T_f" in self.optional:
             raise refused(
-                "T_f, the thrust of a newton that is commanded",
+                "T_f, the thrust of a commanded newton",
                 "T_f in every structure: without it a command makes no thrust",
                 "move it to always",
                 key="optional",
@@ -166,7 +166,7 @@ class FilterTable(Table):
 
     process_noise: dict[str, Quantity | float] = Field(
         default={},
-        description="standard deviation that each state or coefficient gains in one second, by name",
+        description="growth of the standard deviation of each state or coefficient in one second, by name",
         json_schema_extra={"unit": "SI, or a quantity"},
     )
 
@@ -201,7 +201,7 @@ class EstimationTable(Table):
     varying: Several[str] = Field(default=(), description="coefficients that differ from trial to trial")
     inertia_error: StatedShare = Field(
         default=0.05,
-        description='standard deviation of each stated inertia, added mass included, as a share; "exact" if it has none',
+        description='standard deviation of each stated inertia, including added mass, as a share; or "exact"',
     )
     scale_error: StatedShare = Field(
         default=0.01, description='standard deviation of the scale of each velocity sensor, as a share; or "exact"'
@@ -230,17 +230,16 @@ class EstimationTable(Table):
         ge=100,
         le=1_000_000,
         multiple_of=100,
-        description="draws of each chain after that; twice or four times as many while chains disagree or have too few "
-        "effective draws",
+        description="draws of each chain after that; doubled once or twice if chains disagree or have too few effective draws",
     )
-    thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = Field(default=1, description="keep one draw in so many")
+    thin: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100] = Field(default=1, description="keep one draw of this many")
 
     @model_validator(mode="after")
     def _check_kept(self) -> Self:
         if (kept := self.draws // self.thin) < MIN_KEPT_DRAWS:
             raise refused(
                 f"one of {self.thin} kept, {kept} of {self.draws} draws of each chain",
-                f"{MIN_KEPT_DRAWS} draws or more of each chain, or its health cannot be judged",
+                f"{MIN_KEPT_DRAWS} draws or more of each chain, to judge its convergence",
                 "thin less, or ask for more draws",
                 key="thin",
             )
@@ -274,8 +273,7 @@ class SelectionTable(Table):
         default=None,
         ge=64,
         le=1_000_000,
-        description="particles of the tempered SMC that checks an evidence; if not given, 512, or 64 for each parameter "
-        "if that is more",
+        description="particles of the tempered SMC that checks an evidence; if not given, the larger of 512 and 64 for each parameter",
     )
     repeats: int = Field(default=4, ge=2, le=1000, description="independent repeats of it")
     draws: int = Field(

@@ -31,13 +31,13 @@ class SensorTable(Table):
 
     noise: Annotated[
         float,
-        Unit("{channel}", "that of the channel", above=0.0, remedy="estimate it from a quiet stretch of the record"),
+        Unit("{channel}", "that of the channel", above=0.0, remedy="estimate it from a steady stretch of the record"),
     ] = Field(description="standard deviation of one sample")
     rate: Hertz = Field(
         default=inf, description="rate of measurement, if it is lower than that of the samples of the record"
     )
     residuals: Residuals | None = Field(
-        default=None, description="residuals of this channel, instead of those of `[estimation]`"
+        default=None, description="noise model of this channel, instead of `residuals` of `[estimation]`"
     )
     bias: Scope = Field(default="none", description="an unknown constant error: one for all trials, or one for each")
     lag: bool = Field(
@@ -54,7 +54,7 @@ Delay = Annotated[
         "s",
         least=0.0,
         most=MAX_LATENESS,
-        expected=f"0 s to {MAX_LATENESS:g} s by which the sensor shows the past",
+        expected=f"0 s to {MAX_LATENESS:g} s of delay of the sensor",
         remedy="a clock that is ahead, or far behind: shift its stamps with the log, or split the run",
     ),
 ]
@@ -111,7 +111,7 @@ def with_attitude(table: VehicleTable, tables: Mapping[str, SensorTable], keys: 
             keys.where("vehicle.attitude"),
             found='"euler" with [sensors.attitude]',
             expected='"quaternion", in which the attitude is compared',
-            remedy="leave it out, or give [sensors.phi], [sensors.theta] and [sensors.psi] in place of [sensors.attitude]",
+            remedy="leave it out, or give [sensors.phi], [sensors.theta] and [sensors.psi] instead of [sensors.attitude]",
         )
     return table.model_copy(update={"attitude": "quaternion"})
 
@@ -165,7 +165,7 @@ def read_mounts(
             if channel not in sensors or channel not in MOUNTED_CHANNELS or channel in mounts:
                 raise InputError(
                     keys.where(f"mounts.{name}.channels"),
-                    found=f'"{channel}"' + ", which another mount has" * (channel in mounts),
+                    found=f'"{channel}"' + ", which is in another mount" * (channel in mounts),
                     expected="channels of [sensors], of " + ", ".join(MOUNTED_CHANNELS) + ", each in one mount",
                     remedy="add its sensor, or leave it out here",
                 )
@@ -180,7 +180,7 @@ def _attitude(table: SensorTable, keys: FileKeys, model: VehicleModel) -> dict[s
         shown = ", ".join(name for name in ANGLES if name in model.states) or "nothing"
         raise InputError(
             keys.where(key),
-            found=f"a vehicle whose attitude is {shown}",
+            found=f"a vehicle with attitude = {shown}",
             expected="one that turns about two axes or three",
             remedy="give a sensor of the angle itself, such as [sensors.psi]",
         )
@@ -189,6 +189,6 @@ def _attitude(table: SensorTable, keys: FileKeys, model: VehicleModel) -> dict[s
             keys.where(f"{key}.{extra[0]}"),
             found=", ".join(extra),
             expected="noise, rate and residuals of the attitude",
-            remedy="remove it; angles with sensors of their own, [sensors.phi] and so on, may have a bias",
+            remedy="remove it; angles with separate sensors, [sensors.phi] and so on, may have a bias",
         )
     return {part: table.model_copy(update={"noise": 0.5 * table.noise}) for part in QUATERNION}

@@ -55,7 +55,7 @@ class ThrustLawTable(Table):
                 'write curve = "t200.csv", or polynomial = [0.0, 0.1] for 0.1 N of each unit of the command',
             )
         if self.curve is not None and "neutral" in self.model_fields_set:
-            raise without_effect("neutral", "the curve says where there is no thrust")
+            raise without_effect("neutral", "the curve contains the dead zone")
         if self.dead_zone is not None and not self.dead_zone[0] < self.dead_zone[1]:
             raise refused(
                 f"{list(self.dead_zone)}", "the lower command first", "write for example [1475, 1525]", "dead_zone"
@@ -88,7 +88,7 @@ class ThrusterTable(Table):
         if not (np.isfinite(self.direction).all() and np.linalg.norm(self.direction) > 0):
             raise refused(
                 f"{list(self.direction)}",
-                "a direction of any length but none",
+                "a direction of any length above 0",
                 "write for example [1, 0, 0] for a thruster that pushes ahead",
                 "direction",
             )
@@ -117,7 +117,7 @@ def read_thrusters(
                 keys.where(f"vehicle.thrusters[{j}].place"),
                 found=f"thruster {j + 1} in the place of thruster {i + 1}, along the same line",
                 expected="thrusters in different places, or in different directions",
-                remedy="correct one of them; two propellers on one shaft are one thruster, whose command is their sum",
+                remedy="correct one of them; two propellers on one shaft are one thruster, with the sum of their commands",
             )
     return tuple(placed) or tuple(published)
 
@@ -125,7 +125,7 @@ def read_thrusters(
 def read_thrust_laws(
     tables: Mapping[str, ThrustLawTable], thrusters: Sequence[ThrusterTable], keys: FileKeys, count: int
 ) -> tuple[ThrustLaw, ...]:
-    """Return the law of every thruster; none where nothing is said of them.
+    """Return the law of every thruster; none if nothing is said of them.
 
     Args:
         tables: by name.
@@ -149,7 +149,7 @@ def read_thrust_laws(
             raise InputError(
                 keys.where(f"vehicle.thrust_laws.{name}"),
                 found="a law that no thruster names",
-                expected="law = of one thruster at least",
+                expected="at least one thruster with this law",
                 remedy=f'add law = "{name}" to those that follow it, or remove it',
             )
     return tuple(tables[name].law for name in names)
@@ -167,7 +167,7 @@ def thruster_lags(
 def _names(
     laws: Mapping[str, ThrustLawTable], thrusters: Sequence[ThrusterTable], keys: FileKeys, count: int
 ) -> list[str]:
-    """Return the name of every thruster's law; none where there is no law."""
+    """Return the name of every thruster's law; none if there is no law."""
     only = next(iter(laws)) if len(laws) == 1 else None
     names = [one.law or only for one in thrusters] or [only] * count
     for index, name in enumerate(names):

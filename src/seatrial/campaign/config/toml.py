@@ -32,9 +32,9 @@ def key_place(path: Path, text: str, key: str) -> str:
 
     Args:
         path: of the file.
-        text: its content, TOML that can be read; empty where nobody knows it.
+        text: its content, TOML that can be read; empty if nobody knows it.
         key: with dots; `files[0].path` and `files.0.path` are the same. Where nothing stands there, the line is that of its table, or the
-            last one where that is missing too.
+            last one if that is missing too.
     """
     lines, there = key_lines(text), re.sub(r"\[(\d+)\]", r".\1", key)
     while there and there not in lines:
@@ -175,7 +175,7 @@ _TEXT = re.compile(r""""(?:\\[btnfr"\\]|[^"\\])*"|'[^']*'""")
 # Slips of the pen, as what they leave of a line whose texts in quotes are emptied, each with its remedy; the first
 # that fits is told.
 _SLIPS = (
-    (r"\\", "write / in place of each \\ of a path, or put the path into single quotes"),
+    (r"\\", "write / instead of each \\ of a path, or put the path into single quotes"),
     (r"//", "begin a comment with #"),
     (r"^[\w.]+\s*:", "write = after the key, not :"),
     (r"=\s*[-+]?\d+,\d", "write a decimal point, not a comma"),
@@ -287,7 +287,7 @@ def _line_remedy(line: str) -> str:
 def _nested(path: Path | str, line: int) -> InputError:
     return InputError(
         f"{path}:{line}",
-        found="tables or lists within each other without end",
+        found="too many nested tables or lists",
         expected=f"at most {DEEPEST} levels",
         remedy="correct the brackets, or the dots of the key",
     )
@@ -358,7 +358,7 @@ def _as_input_error(
 
 
 def _value_remedy(error: Any) -> str:
-    """What to do about a value of the wrong kind; empty where nothing better is known than to correct it."""
+    """What to do about a value of the wrong kind; empty if nothing better is known than to correct it."""
     kind, value = error["type"], error.get("input")
     if kind == "string_type":
         return 'put it into quotes; quantities are text with a unit, such as "200 rpm"'

@@ -51,8 +51,8 @@ def with_values(text: str, values: Mapping[Key, Any], where: str = "the file") -
         pass
     raise InputError(
         f"{where}, key {'.'.join(next(iter(values), ('',)))}",
-        found="a key that cannot be edited where it stands",
-        expected="each table under a header of its own",
+        found="a key that seatrial cannot edit",
+        expected="each table under a separate header",
         remedy="edit the file in a text editor",
     )
 

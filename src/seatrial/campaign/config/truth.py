@@ -2,7 +2,7 @@
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
 `tau_u`, `dof_u`, `process_u`), `net_weight`, `dead_f`, `gain_f_3` and other unknowns of the vehicle that have a prior, and `lag_n`, the lag
-of an actuator, in place of what `[vehicle.actuators]` states.
+of an actuator, instead of what `[vehicle.actuators]` states.
 """
 
 from collections.abc import Mapping
@@ -57,8 +57,8 @@ def check_truth(campaign: Campaign) -> None:
             raise InputError(
                 campaign.where(f"truth.{name}"),
                 found=f"[truth] has {name}, and no structure has it",
-                expected="a true value of terms of [structure] only",
-                remedy=f"remove {name} from [truth], or the rule that leaves it out of every structure"
+                expected="true values only of terms of [structure]",
+                remedy=f"remove {name} from [truth], or the rule that excludes it from every structure"
                 if name in campaign.rules.never
                 else f"remove {name} from [truth], or list it in [structure]; if it is misspelt, {nearest(name, names)}",
             )
@@ -73,7 +73,7 @@ def check_truth(campaign: Campaign) -> None:
                 campaign.where("truth"),
                 found=f"no {term}, which is in every structure",
                 expected="a true value of every term of `always`; one of `optional` may be left out, and is then 0",
-                remedy=f"add a value, SI; {term} = 0.0 says that the true vehicle has none",
+                remedy=f"add a value, SI; {term} = 0.0 means that the true vehicle has none",
             )
     for channel in campaign.channels:
         there = [name(channel) for name in KINDS if name(channel) in truth]
@@ -103,7 +103,7 @@ def check_truth(campaign: Campaign) -> None:
             raise InputError(
                 campaign.where(f"truth.{name}"),
                 found="0 s",
-                expected="more than 0 s: by [vehicle.actuators] it is late",
+                expected="more than 0 s, because [vehicle.actuators] has a lag",
                 remedy="leave it out for the lag stated there, or leave out both",
             )
         if (name in lags | unsigned | {DELAY} and value < 0) or (name in spreads and value <= 0):
@@ -112,11 +112,11 @@ def check_truth(campaign: Campaign) -> None:
                 campaign.where(f"truth.{name}"),
                 found=f"{value:g}{unit}",
                 expected="more than 0" if name in spreads else f"0{unit} or more",
-                remedy="leave it out for none, or for the noise that [sensors] says"
+                remedy="leave it out for none, or for the noise of [sensors]"
                 if name in spreads
-                else "0 s is none: give the time by which it is late"
+                else "give a lag above 0 s"
                 if unit
-                else "leave it out for what [vehicle] states",
+                else "leave it out for the value of [vehicle]",
             )
 
 

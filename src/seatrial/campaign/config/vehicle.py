@@ -79,12 +79,12 @@ class WholeVehicle:
         moves: velocities that are modelled.
         given: velocities and angles that are measured.
         positions: those of x, y, z that are states.
-        angles: that travel with the state also where no force depends on them.
+        angles: that travel with the state also if no force depends on them.
         attitude: how it is written.
         actuators: lags and limits by control.
         catalogue: its name there; empty for one by hand.
-        laws: of thrust, one of each thruster of `body`; none where nothing is said of them.
-        unknowns: numbers beside the coefficients that are sought.
+        laws: of thrust, one of each thruster of `body`; none if nothing is said of them.
+        unknowns: numbers beside the coefficients to estimate.
         current: whether the water's velocity over the earth is a state of each trial, which stays as it is.
     """
 

@@ -62,7 +62,7 @@ distribution = "log-normal"
 median = 0.1
 factor = 2.0"""
 _TRIM = {
-    "w": """[prior.net_weight]              # weight less buoyancy, N
+    "w": """[prior.net_weight]              # weight minus buoyancy, N
 distribution = "normal"
 mean = 0.0
 sd = 5.0""",
@@ -107,7 +107,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str = "", log: Path | None = No
             str(log),
             found="no column that may be a " + " nor a ".join(missing),
             expected=f"one of {', '.join(body.controls)}, and a speed, rate, angle or position",
-            remedy="`seatrial inspect` lists what the log holds; map its columns in a campaign file by hand",
+            remedy="`seatrial inspect` lists the columns of the log; map them in a campaign file by hand",
         )
     positions = [axis for axis in POSITIONS if axis in sensors]
     commanded = any(guess.unit == COMMAND for guess in best(summary.guesses, controls))
@@ -169,7 +169,7 @@ def _before_any_log(vehicle: str) -> str:
         if not terms:
             raise InputError(
                 f"--vehicle {vehicle}",
-                found="a vehicle whose forces are no sum of named coefficients",
+                found="a vehicle with forces that are no sum of named coefficients",
                 expected="a vehicle with coefficients to estimate",
                 remedy="choose another one: `seatrial vehicle` lists them",
             )
@@ -181,8 +181,8 @@ def _before_any_log(vehicle: str) -> str:
             (
                 _head(
                     f"{vehicle}, first trial",
-                    "before there are any data: check the trim, the noise of the sensors and the trial",
-                    "seatrial prior DIR; seatrial design DIR. The trim is where a trial begins; limits stand under [limits.NAME]",
+                    "without data: check the trim, the noise of the sensors and the trial",
+                    "seatrial prior DIR; seatrial design DIR. A trial begins at the trim; limits are under [limits.NAME]",
                 ),
                 _vehicle(vehicle, ["z"] * ("z" in sensors), trim),
                 "[structure]\nalways = " + json.dumps(list(terms)),
@@ -244,13 +244,13 @@ def _say_too_few(vehicle: str, body: PublishedVehicle, summary: LogSummary, log:
         if guesses
         else "no column that may be an output to a thruster",
         expected=f"{count}, one for each thruster of {vehicle}: pulse widths about 1500 us, in columns such as out1 to out{count}",
-        remedy="name the columns so, in the order of the thrusters. If the vehicle has others, take --template log, the map of "
+        remedy="name the columns so, in the order of the thrusters. If the vehicle has others, use --template log, the map of "
         "`seatrial inspect LOG --map`, and describe its thrusters under [[vehicle.thrusters]] (docs/how-to/ros2_bag.md)",
     )
 
 
 def _sensors(summary: LogSummary, axes: tuple[str, ...]) -> list[str]:
-    """Return what is measured of what moves: speeds, rates, the attitude, depth, and the place where there is no speed."""
+    """Return what is measured of what moves: speeds, rates, the attitude, depth, and the place if there is no speed."""
     guessed = {guess.channel for guess in summary.guesses}
     speeds = [axis for axis in RATES if axis in axes and axis in guessed]
     if {*OVER_EARTH} <= guessed:

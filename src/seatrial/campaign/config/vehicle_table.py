@@ -133,8 +133,8 @@ class VehicleTable(Table):
     )
     current: bool = Field(
         default=False,
-        description="whether the velocity of the water over the earth is a state of each trial; sensors of `u_g`, `v_g`, `x` "
-        "and `y` show it",
+        description="whether the velocity of the water over the earth is a state of each trial; sensors of `u_g`, `v_g`, `x` and `y` "
+        "observe it",
     )
     actuators: Literal["published"] | dict[Annotated[str, noted("control")], ActuatorTable] | None = Field(
         default=None, description="`published` for those of the catalogue, or a table for each control"
@@ -152,20 +152,20 @@ class VehicleTable(Table):
     )
     published_prior_sd: Share | None = Field(
         default=None,
-        description="standard deviation of the default prior of each catalogue coefficient: normal about the published value, and "
-        "cut if damping would drive the vehicle",
+        description="standard deviation of the default prior of each catalogue coefficient: normal about the published value, cut to "
+        "damping that dissipates",
     )
     priors_from: Several[str] = Field(
         default=(),
         description="folders of earlier campaigns, after `seatrial run` or `seatrial estimate --by mode`. Their coefficients become "
-        "priors if they are estimated here, else fixed values. Gains, dead zones and lags of thrusters, net weight, centre "
+        "priors if they are estimated here, otherwise fixed values. Gains, dead zones and lags of thrusters, net weight, centre "
         "of buoyancy and drag of a tether become priors",
     )
     thrust_deduction: float = Field(
-        default=0.0, ge=0.0, lt=1.0, description="thrust deduction t_d: share of the thrust that the hull takes back"
+        default=0.0, ge=0.0, lt=1.0, description="thrust deduction t_d: share of the thrust that the hull cancels"
     )
     wake: float = Field(
-        default=0.0, lt=1.0, description="wake fraction: share by which the water reaches the propeller more slowly"
+        default=0.0, lt=1.0, description="wake fraction: share by which the water at the propeller is slower"
     )
     fixed: dict[str, float] = Field(default={}, description="known coefficients, by name")
     trim: dict[Annotated[str, noted("signal")], OfSignal] = Field(
@@ -178,11 +178,11 @@ class VehicleTable(Table):
     def _check_effects(self) -> Self:
         if "attitude" in self.model_fields_set and self.moves and not set(self.moves) & set("pqr"):
             raise without_effect(
-                "attitude", "nothing that moves turns the vehicle", "remove it, or add p, q or r to `moves`"
+                "attitude", "no velocity in `moves` turns the vehicle", "remove it, or add p, q or r to `moves`"
             )
         if self.actuators == "published" and self.catalogue is None:
             raise without_effect(
-                "actuators", "nothing is published of a vehicle by hand", "give a table for each actuator"
+                "actuators", '"published" of a vehicle outside the catalogue', "give a table for each actuator"
             )
         return self
 
@@ -221,8 +221,8 @@ def read_vehicle(
         if name in OWN_ADDED_MASS and value > 0:
             raise InputError(
                 keys.where(f"vehicle.fixed.{name}"),
-                found=f"{value:g}, an added mass that makes the vehicle lighter",
-                expected="a number below zero: the water that is set in motion opposes the acceleration",
+                found=f"{value:g}, an added mass with the wrong sign",
+                expected="a number below zero, because the water opposes the acceleration",
                 remedy=f"write {-value:g}, if {value:g} is the mass of that water",
             )
     for name in table.trim:
@@ -243,7 +243,7 @@ def read_vehicle(
         raise InputError(
             keys.where(f"vehicle.{others[0]}"),
             found=", ".join(others),
-            expected="a whole vehicle: a body with a mass, of which `moves` says what is modelled",
+            expected="a whole vehicle: a body with a mass, and `moves` with its modelled velocities",
             remedy=(f"add moves = {json.dumps(moves)}, or " if is_body else "") + f"remove {listed(others)}",
         )
     if table.moves is not None and {*table.moves} != {*moves}:
@@ -307,9 +307,9 @@ def _whole_vehicle(
         if body.written is not None:
             raise InputError(
                 keys.where("vehicle.catalogue"),
-                found=f'"{table.catalogue}", whose forces are no sum of named coefficients',
+                found=f'"{table.catalogue}", with forces that are no sum of named coefficients',
                 expected="a vehicle with coefficients to estimate",
-                remedy="simulate it to make records, and estimate another one from them",
+                remedy="simulate it to make records, and estimate another vehicle from them",
             )
     body = replace(body, thrusters=read_thrusters(table.thrusters, keys, body.thrusters))
     laws = read_thrust_laws(table.thrust_laws, table.thrusters, keys, len(body.thrusters))

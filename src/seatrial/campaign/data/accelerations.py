@@ -22,7 +22,7 @@ class SmoothedChannel:
     Attributes:
         name: of the channel.
         smoothed: it and its rate, SI.
-        stated: standard deviation of its sensor's noise as the campaign states it, SI; None where it does not.
+        stated: standard deviation of its sensor's noise as the campaign states it, SI; None if it does not.
         used: whether that was used, the noise being hidden by the motion.
     """
 

@@ -129,9 +129,9 @@ def summary_line(judged: Sequence[RecordJudgement]) -> str:
         f"{count} {word}{'s' * (count != 1)}" for count, word in ((alarms, "alarm"), (cautions, "caution"))
     )
     if alarms:
-        return f"in all {counted}: correct what raises an alarm before anything is estimated"
+        return f"in all {counted}: correct each alarm before you estimate"
     return f"in all {counted}: " + (
-        "look at each caution, then go on with `estimate`" if cautions else "go on with `estimate`"
+        "look at each caution, then continue with `estimate`" if cautions else "continue with `estimate`"
     )
 
 
@@ -194,7 +194,7 @@ class _Motion:
         tried: each coefficient and unknown, at the prior means and then drawn, SI, shape (1 + d,).
         expected: of the first, SI, shape (n, m).
         drawn: of the others, SI, shape (d, n, m).
-        measured: by channel, SI, NaN where not measured.
+        measured: by channel, SI, NaN if not measured.
     """
 
     tried: Mapping[str, np.ndarray]

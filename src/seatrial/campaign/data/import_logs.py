@@ -53,14 +53,14 @@ class Trials:
 
 
 def get_trials(campaign: Campaign, reporter: Reporter = SILENT) -> Trials:
-    """Simulate the campaign's trials or import their logs, as it says.
+    """Simulate the trials of a campaign, or import their logs.
 
     Args:
         campaign: of `load_campaign`.
-        reporter: told how far the work has come.
+        reporter: receives the progress.
 
     Returns:
-        the records that are fitted and those that are only predicted, SI.
+        the fitted records and the held-back ones, SI.
 
     Raises:
         InputError: it says neither, a true vehicle that runs away, or files that cannot be used.
@@ -195,7 +195,7 @@ def _with_late_end(imports: ImportTable, run: str, record: Record) -> Record:
     if run not in imports.trim or imports.keep or not is_beyond(end, options["available"]):
         return record
     caution = (
-        f'its files end at {options["available"]:.6g} s, before its end = "{end:g} s": it ends with them; '
+        f'its files end at {options["available"]:.6g} s, before its end = "{end:g} s", so it ends there; '
         f"correct end in [import.trim.{run}]"
     )
     updated = {**options, "cautions": [*options["cautions"], caution]}
@@ -237,7 +237,7 @@ def _of_several_runs(imports: ImportTable, file: LogFile, run: str) -> Iterator[
             raise
         remedy = (
             f"{error.remedy} Run {', '.join(others)} has this map too: if only run {run} has other columns, write "
-            f"runs = {_written(others)} here, and runs = {_written([run])} under an [[import.files]] of its own"
+            f"runs = {_written(others)} here, and runs = {_written([run])} under a separate [[import.files]]"
         )
         raise InputError(error.where, found=error.found, expected=error.expected, remedy=remedy) from error.__cause__
 
@@ -290,7 +290,7 @@ def _check_layout(where: Callable[[str], str], file: LogFile, path: Path, index:
             where(f"import.files[{index}].{file.layout[0]}"),
             found=f"a key without effect: {path.name} is {format_of(path).name}",
             expected="keys that have an effect",
-            remedy=f"remove {', '.join(file.layout)}: they say how text is laid out",
+            remedy=f"remove {', '.join(file.layout)}, which describes the layout of text",
         )
 
 
@@ -312,7 +312,7 @@ def log_source(campaign: Campaign, file: LogFile, path: Path, index: int, roles:
             raise InputError(
                 campaign.where(f"import.files[{index}].channels.{name}.between"),
                 found=f'"line", of {name}, which is a measurement',
-                expected="a control: measurements are used where they were taken",
+                expected="a control: measurements are used at their stamps",
                 remedy="remove it",
             )
     channels = {
@@ -371,7 +371,7 @@ def _law(campaign: Campaign, index: int, name: str, column: LogColumn, law: Thru
         raise InputError(
             where,
             found=f"thrust that turns back at {curve.logged[back]:g} of {curve.name}: {curve.value[back]:g} N",
-            expected="thrust that only rises with the command, or only falls; flat stretches may lie between",
+            expected="thrust that only rises with the command, or only falls; flat stretches are allowed",
             remedy="smooth the measured points, or leave out the one that is wrong",
         )
     return _Thrust(law, curve)
@@ -406,7 +406,7 @@ class _Thrust:
             return
         known = cells[np.isfinite(cells)]
         called = f"the pulse widths, us, that a law with neutral = {self.law.neutral:g} is for"
-        table = "or give a table in place of the polynomial, [vehicle.thrust_laws.NAME] with curve, if it is for other commands"
+        table = "or give a table instead of the polynomial, [vehicle.thrust_laws.NAME] with curve, if it is for other commands"
         check_within(cells, time, where, self.law.pulses, called, table + offset)
         ends = (min(known.min(), self.law.neutral), max(known.max(), self.law.neutral)) if known.size else (0.0, 0.0)
         tried = np.linspace(*ends, _TRIED_COMMANDS) if known.size else known

@@ -47,7 +47,7 @@ def _mount(sensor_models: tuple[Sensor, ...], group: tuple[str, ...]) -> Mount |
 
 
 def check_mounts(campaign: Campaign, record: Record) -> list[Finding]:
-    """Report which sensor shows the motion turned about an axis; nothing where the file seeks its turn, or where no motion can be fitted.
+    """Report which sensor shows the motion turned about an axis; nothing if the file seeks its turn, or where no motion can be fitted.
 
     Args:
         campaign: that the record is of.

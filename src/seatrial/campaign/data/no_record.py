@@ -13,9 +13,10 @@ def no_record(campaign: Campaign) -> InputError:
     first = "" if schedule.is_file() else f"design it with `seatrial design {campaign.folder}`, "
     return InputError(
         campaign.where("import"),
-        found="neither [import] nor [truth]: no trial has been run",
+        found="neither [import] nor [truth], so there is no trial",
         expected="the log of a trial, or a vehicle to simulate",
-        remedy=f"{first}run the trial of {schedule}, put its log into {campaign.folder}, and add to the file, by what {log} prints:\n"
+        remedy=f"{first}run the trial of {schedule}, put its log into {campaign.folder}, and add to the file, from the output of {log} "
+        f"prints:\n"
         + _indented(import_example(campaign))
         + "\n  or, to simulate it, a value of each coefficient:\n"
         + _indented(truth_example(campaign)),

@@ -52,8 +52,8 @@ def with_rebuilt_controls(campaign: Campaign, record: Record) -> Record:
     channels = (*(Channel(name, signal_unit(name), "control") for name in missing), *record.channels)
     options = record.provenance.options
     caution = (
-        f"{', '.join(missing)} made again by [autopilot] from {', '.join(autopilot.commands[len(controls) :])}: exact if the autopilot "
-        "saw what the log holds, and began with the log"
+        f"{', '.join(missing)} made again by [autopilot] from {', '.join(autopilot.commands[len(controls) :])}: exact if the "
+        "autopilot used the logged values and began with the log"
     )
     told_options = {**options, "cautions": [*options.get("cautions", []), caution]}
     provenance = replace(record.provenance, options=told_options)

@@ -55,7 +55,7 @@ def empty_cells(record: Record) -> list[Finding]:
 
 
 def unused_channels(channels: tuple[str, ...], model: VehicleModel, record: Record) -> list[Finding]:
-    """Return the velocities that a log gives, and neither a sensor of the campaign nor its model, where they are given, uses.
+    """Return the velocities that a log gives, and neither a sensor of the campaign nor its model, if they are given, uses.
 
     Args:
         channels: that are measured.

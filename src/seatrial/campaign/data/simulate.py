@@ -329,7 +329,7 @@ def _scheduled(
 
 
 def own_lines(campaign: Campaign, own: OwnSchedule) -> list[str]:
-    """Say what is not taken from a schedule of one's own, and what it leaves at trim."""
+    """Return what is not taken from a schedule of one's own, and what it leaves at trim."""
     name, lost, messages = PurePath(own.source).name, own.skipped, []
     if lost:
         messages.append(

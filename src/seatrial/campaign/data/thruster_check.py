@@ -1,6 +1,6 @@
 """Judges the thrusters of a campaign: what they span, whether they mirror each other, and whether each pushes the way that is said.
 
-The last is a gain of each thruster by least squares on the measured motion: near 1 where all is as stated, near -1 where a command, a
+The last is a gain of each thruster by least squares on the measured motion: near 1 if all is as stated, near -1 if a command, a
 propeller or a direction is turned round.
 """
 
@@ -60,7 +60,7 @@ def _axes(channels: tuple[str, ...], vehicle: WholeVehicle) -> list[int]:
 
 
 def _not_spanned(matrix: np.ndarray, moving: Sequence[int]) -> str:
-    """Say which combinations of forces no thrusts make."""
+    """Return which combinations of forces no thrusts make."""
     left, sizes, _ = np.linalg.svd(matrix[moving])
     sizes = np.concatenate([sizes, np.zeros(len(moving) - sizes.size)])
     texts = []
@@ -95,7 +95,7 @@ def check_thrusters(
     wrong: Sequence[Finding] = (),
     feedback: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Finding]:
-    """Judge the thrusters by one record; nothing where there are none, or where no velocity is measured.
+    """Judge the thrusters by one record; nothing if there are none, or where no velocity is measured.
 
     Args:
         campaign: whose vehicle has them.

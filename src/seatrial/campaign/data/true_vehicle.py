@@ -1,7 +1,7 @@
 """The simulated vehicle of a campaign: what is true of it, and what its sensors show in a trial.
 
 What is simulated is what is fitted: [truth] holds a value of each coefficient, and may hold what an estimate knows beside them, by the same
-names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, in place of
+names (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`, `tau_u`, `dof_u`, `process_u`), and `lag_n`, the lag of an actuator, instead of
 what [vehicle.actuators] states.
 """
 
@@ -47,7 +47,7 @@ class SimulatedVehicle:
         start: state at the first sample, SI.
         trim: all that a schedule commands, with the value at which it is held where that leaves it alone.
         where: what says so, for errors.
-        autopilot: through which a schedule acts; None where it acts on the controls.
+        autopilot: through which a schedule acts; None if it acts on the controls.
     """
 
     simulator: Simulator
@@ -64,13 +64,13 @@ class SimulatedVehicle:
         keys: Sequence[Array],
         relay: Mapping[str, Any] | None = None,
     ) -> dict[str, Float[np.ndarray, " n"]]:
-        """Return every control, every set-point, and what every sensor shows of a trial, SI, NaN where it does not measure.
+        """Return every control, every set-point, and what every sensor shows of a trial, SI, NaN if it does not measure.
 
         Args:
             schedule: controls and set-points over time, sampled evenly from 0.
             measured: whether each sensor gives a sample.
             keys: random key of each sensor's noise.
-            relay: the self-oscillating test that makes its control itself, for as long as the schedule is; None where that is run.
+            relay: the self-oscillating test that makes its control itself, for as long as the schedule is; None if that is run.
 
         Raises:
             InputError: a true vehicle that runs away, or a schedule or test that is not of this vehicle.
@@ -86,7 +86,7 @@ class SimulatedVehicle:
             raise InputError(
                 self.where,
                 found="a simulated vehicle that diverges" + " under its autopilot" * (self.autopilot is not None),
-                expected="damping that dissipates" if self.autopilot is None else "an autopilot that holds it",
+                expected="damping that dissipates" if self.autopilot is None else "an autopilot that stabilises it",
                 remedy="check signs: negative damping coefficients dissipate"
                 if self.autopilot is None
                 else "check the signs under `moves` of [autopilot], and lower its gains",

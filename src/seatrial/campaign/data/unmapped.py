@@ -17,7 +17,7 @@ def unmapped(campaign: Campaign) -> dict[str, str]:
         return {}
     given = {run: _given(campaign.autopilot, campaign.imports, run) for run in campaign.imports.runs}
     driving = dict.fromkeys(campaign.model(campaign.full).controls, "is an input of the model")
-    needed = driving | dict.fromkeys(campaign.channels, "is in [sensors], where it can be removed")
+    needed = driving | dict.fromkeys(campaign.channels, "is in [sensors]; remove it there if you have none")
     missing = {name: [run for run, names in given.items() if name not in names] for name in needed}
     return {
         name: needed[name] + ("" if len(runs) == len(given) else f", for run {', '.join(runs)}")

@@ -38,7 +38,7 @@ def plan_trials(campaign: Campaign, so_far: SoFar | None = None, reporter: Repor
     Args:
         campaign: goals, limits, designs, and what a day allows.
         so_far: what earlier trials taught; None before the first one.
-        reporter: told how far the work has come.
+        reporter: receives the progress.
 
     Raises:
         InputError: no goal, designs that are ended early, or none inside the limits.
@@ -92,7 +92,7 @@ def goal_of(campaign: Campaign) -> Goal:
         raise InputError(
             campaign.where("goal.sd"),
             found="nothing",
-            expected="how well each coefficient is to be known, which is what ends a campaign",
+            expected="the required precision of each coefficient, which ends a campaign",
             remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
         )
     taken = {name: stated_share(campaign, model, name) for name in (*goal.shares, *goal.sds)}
@@ -102,10 +102,10 @@ def goal_of(campaign: Campaign) -> Goal:
         if taken[name] >= share:
             raise InputError(
                 campaign.where(f"goal.sd.{name}"),
-                found=f"{percent(share)}, of which errors of stated inputs take {percent(taken[name])}",
+                found=f"{percent(share)}, but errors of stated inputs already make {percent(taken[name])}",
                 expected="more than these errors, which no trial reduces",
-                remedy="weigh the vehicle, compare its speed sensor with another, and state inertia_error and scale_error in [estimation]; "
-                "or ask for less",
+                remedy="weigh the vehicle, compare its speed sensor with another, and state inertia_error and scale_error in "
+                "[estimation]; or relax the goal",
             )
     shares = {name: sqrt(share**2 - taken[name] ** 2) for name, share in goal.shares.items()}
     sds = {name: sqrt(sd**2 - (taken[name] * means[name]) ** 2) for name, sd in goal.sds.items()}

@@ -89,7 +89,7 @@ def design_problem(campaign: Campaign, believed: Believed | None = None) -> Desi
 
 
 def _rivals(campaign: Campaign, names: tuple[str, ...]) -> tuple[frozenset[str], ...]:
-    """Return the terms that each rival lacks; where there are too many structures, those that lack one term alone stand for all."""
+    """Return the terms that each rival lacks; if there are too many structures, those that lack one term alone stand for all."""
     terms = frozenset(names)
     if campaign.is_large and not campaign.shortlist:
         return tuple(frozenset({name}) for name in names if name in campaign.rules.optional)

@@ -47,7 +47,7 @@ def residual_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
 
 
 def noise_words(campaign: Campaign, estimate: Drawn) -> str:
-    """Say what noise a promise counts on where that is not what [sensors] says; empty where it is."""
+    """Return what noise a promise counts on where that is not what [sensors] says; empty if it is."""
     differing = []
     for name, sd in residual_noise(campaign, estimate).items():
         nominal, (factor, unit) = campaign.sensors[name].noise, shown_unit(name)

@@ -22,7 +22,7 @@ from seatrial.manoeuvres.schedule import Schedule, schedule_of, table_text
 # microseconds.
 
 Command = Callable[[float], float]
-"""Gives the command of a thrust, N; NaN where no command makes it."""
+"""Gives the command of a thrust, N; NaN if no command makes it."""
 
 
 def commands_of(campaign: Campaign) -> dict[str, Command]:
@@ -53,7 +53,7 @@ def write_schedule(
     about: Mapping[str, Any] | None = None,
     commands: Mapping[str, Command] = NO_COMMANDS,
 ) -> Path:
-    """Write a schedule as CSV and beside it as JSON, where they are missing or not the same; returns the CSV file.
+    """Write a schedule as CSV and beside it as JSON, if they are missing or not the same; returns the CSV file.
 
     A trial that is ended away from trim goes back to it, as fast as its edges are, or in one sample. A closed-loop trial has a `rule`,
     which its schedule only foresees; `about` is kept beside it. A thrust has a second column if `commands` has its control.
@@ -100,7 +100,7 @@ def _write(path: Path, text: str, controls: Sequence[str], content: Mapping[str,
 def _way_back(
     manoeuvre: Manoeuvre, sample_time: float, last: Mapping[str, float]
 ) -> list[tuple[float, Mapping[str, float]]]:
-    """Rows that hold the last values to the end and lead back to trim; none where the trial ends there."""
+    """Rows that hold the last values to the end and lead back to trim; none if the trial ends there."""
     known = {name: manoeuvre.parameters.get("trim" if name == manoeuvre.control else f"trim {name}") for name in last}
     trim = {name: last[name] if value is None else value for name, value in known.items()}
     if all(abs(last[name] - value) <= 1e-9 * max(1.0, abs(value)) for name, value in trim.items()):
@@ -143,6 +143,6 @@ def damaged_about(path: Path, cause: Exception, remedy: str) -> InputError:
     return InputError(
         str(path.with_suffix(".json")),
         found=f"no schedule ({type(cause).__name__}: {cause})",
-        expected="a schedule as `seatrial design` writes it, beside its CSV",
+        expected="a schedule by `seatrial design`, with its CSV",
         remedy=remedy,
     )

@@ -64,8 +64,8 @@ def design_free_trial(campaign: Campaign, levels: int, reporter: Reporter = SILE
     search.check(problem)
     if (edge := search.edge(problem)) < ramp:
         reporter.say(
-            f"{levels} levels are {edge:.4g} s apart, and design.ramp in {campaign.path} is {ramp:g} s: the control goes "
-            f"in straight lines from level to level; {int(campaign.family.active / ramp)} levels or fewer keep the ramp"
+            f"{levels} levels are {edge:.4g} s apart, and design.ramp in {campaign.path} is {ramp:g} s. The control is then a line from "
+            f"level to level; {int(campaign.family.active / ramp)} levels or fewer keep the ramp"
         )
     kept = stored_free_trial(campaign, levels)
     trial = _searched(campaign, kept, search, reporter)
@@ -81,7 +81,7 @@ def search_design(campaign: Campaign, budget: int, reporter: Reporter = SILENT) 
     """Search the box of the grid, family by family, under the priors; a current result is read.
 
     Args:
-        campaign: families, grid, utility (`fisher-d` in place of the filter's entropy) and limits.
+        campaign: families, grid, utility (`fisher-d` instead of the filter's entropy) and limits.
         budget: designs to evaluate in all.
         reporter: who is told.
 
@@ -215,7 +215,7 @@ def stored_own(campaign: Campaign, own: OwnSchedule) -> StoredResult[OwnTrial]:
 
 
 def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> OwnTrial | None:
-    """Weigh the schedule that [design] names under the priors, and write it where designs are; None where it names none.
+    """Weigh the schedule that [design] names under the priors, and write it if designs are; None if it names none.
 
     Raises:
         NumericalError: the motion diverges at a draw of the priors.
@@ -229,7 +229,7 @@ def evaluate_own_schedule(campaign: Campaign, reporter: Reporter = SILENT) -> Ow
 
 
 def evaluate_schedule_after(campaign: Campaign, drawn: Drawn, designs: TrialDesign) -> OwnTrial | None:
-    """Weigh the schedule that [design] names beside the best of designs that were swept from draws; None where it names none."""
+    """Weigh the schedule that [design] names beside the best of designs that were swept from draws; None if it names none."""
     own = campaign.own_schedule
     if own is None:
         return None

@@ -55,10 +55,10 @@ def design_first(campaign: Campaign, reporter: Reporter = SILENT) -> TrialDesign
 
     Args:
         campaign: of `load_campaign`.
-        reporter: told how far the sweep has come.
+        reporter: receives the progress.
 
     Returns:
-        every design with its utility, and the best; `.lines()` says it in words.
+        every design with its utility, and the best; `.lines()` has them in words.
 
     Raises:
         InputError: no campaign, or no design inside its limits.

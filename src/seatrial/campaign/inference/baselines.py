@@ -15,7 +15,7 @@ from seatrial.estimation.prediction.baseline_comparison import Comparison, Predi
 from seatrial.estimation.prediction.baselines import BASELINES, FittedBaseline, fit_baselines
 from seatrial.messages.predictions import comparison_text, score_lines
 
-NOTHING_HELD_BACK = "no run is held back, so no simpler model could be compared"
+NOTHING_HELD_BACK = "no run is held back, so no baseline could be compared"
 
 
 def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedBaselines]:
@@ -26,7 +26,7 @@ def stored_baselines(campaign: Campaign, trials: HasKey) -> StoredResult[FittedB
 
 
 def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> FittedBaselines | None:
-    """Fit every baseline that applies and predict the held-back records; None where there are none.
+    """Fit every baseline that applies and predict the held-back records; None if there are none.
 
     Least squares of accelerations takes the terms of the full structure.
 
@@ -57,7 +57,7 @@ def fit_all_baselines(campaign: Campaign, trials: Trials, reporter: Reporter = S
 def compare_with_baselines(
     baselines: FittedBaselines | None, curves: Sequence[Mapping[str, np.ndarray]]
 ) -> tuple[Comparison, ...]:
-    """Compare a model with the baselines, channel by channel; nothing where no run is held back, or none measures the channel.
+    """Compare a model with the baselines, channel by channel; nothing if no run is held back, or none measures the channel.
 
     Args:
         baselines: of `fit_all_baselines`.
@@ -78,7 +78,7 @@ def compare_with_baselines(
 
 
 def comparison_lines(baselines: FittedBaselines | None, compared: Sequence[Comparison]) -> list[str]:
-    """Say how the model stands beside the baselines: what it means first, then the scores of each channel, and what was not fitted."""
+    """Return how the model stands beside the baselines: what it means first, then the scores of each channel, and what was not fitted."""
     if baselines is None:
         return [NOTHING_HELD_BACK]
     lines = [comparison_text(one) for one in compared]
@@ -87,7 +87,7 @@ def comparison_lines(baselines: FittedBaselines | None, compared: Sequence[Compa
 
 
 def refused_words(baselines: FittedBaselines) -> list[str]:
-    """Say which baselines were not fitted, and why, once for those with the same reason."""
+    """Return which baselines were not fitted, and why, once for those with the same reason."""
     reasons = dict.fromkeys(baselines.refused.values())
     names = {why: ", ".join(name for name, one in baselines.refused.items() if one == why) for why in reasons}
     return [f"not fitted: {names[why]}; {why}" for why in reasons]

@@ -153,7 +153,7 @@ def _replicate(posterior: Posterior, draw: Draw, key: jax.Array) -> _Replicate:
             break
     else:
         raise NumericalError(
-            f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows why"
+            f"none of {TRIES} draws from the prior can be simulated over these records: narrow the priors; `seatrial prior` shows the cause"
         )
     drawn = draw(made, draw_key)
     # Chain after chain: draws taken at even distances are then as far apart as can be.

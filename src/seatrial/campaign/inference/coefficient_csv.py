@@ -5,7 +5,7 @@ Each row names its unit: that in which the prior of its parameter is written, el
 The standard deviation and the 95 % interval of a row hold more than the noise; `noise`, `stated`, `runs`, `model` and, of an average,
 `terms` are the shares of its variance, and `cause` names what adds most to it if that is not the noise.
 
-Averaging counts a coefficient as zero where a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
+Averaging counts a coefficient as zero if a structure lacks it: with probabilities P_i, means m_i and standard deviations s_i the mean
 is sum P_i m_i and the variance sum P_i (s_i^2 + (m_i - mean)^2) (Hoeting and others, Statistical Science 14, 1999); the second part is
 the share `terms`.
 The 95 % interval is the shortest that holds 95 % of the draws of all structures, each widened to its s_i and

@@ -43,7 +43,7 @@ def cross_validate(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
     Args:
         campaign: configuration.
         trials: records, of which the fitted ones are used.
-        reporter: told how far the work has come.
+        reporter: receives the progress.
 
     Raises:
         InputError: too few measurements.
@@ -131,7 +131,7 @@ def _compute(
 
 
 def _nearest(structure: Structure, found: Sequence[Candidate]) -> Sequence[tuple[str, float, float]]:
-    """Return the parameters of the same structure as it was fitted first, else of the largest one; none where nothing was."""
+    """Return the parameters of the same structure as it was fitted first, else of the largest one; none if nothing was."""
     by_size = sorted((one for one in found if not one.refused), key=lambda one: -len(one.structure.terms))
     same = [one for one in found if not one.refused and one.structure.label == structure.label]
     return next((one.parameters for one in (*same, *by_size)), ())

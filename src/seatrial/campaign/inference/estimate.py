@@ -90,11 +90,11 @@ def estimate_all(
     Args:
         campaign: configuration.
         trials: records, of `get_trials`.
-        reporter: told how far the chains have come.
+        reporter: receives the progress.
         only: candidates that are estimated; None for all.
 
     Returns:
-        one posterior for each of these; `.data` holds draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
+        one posterior for each of these; `.data` has draws and a summary, and `.draws(names)` gives them in SI, shape (n, k).
     """
     check_kind(campaign, Campaign, "campaign", "read it with `load_campaign`")
     check_kind(trials, Trials, "trials", "make them with `get_trials`")

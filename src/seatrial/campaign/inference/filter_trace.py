@@ -47,13 +47,13 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
 
     Args:
         dataset: its traces.
-        fitted: noise of each sensor by the fit, over the nominal one; none where it was not fitted.
+        fitted: noise of each sensor by the fit, over the nominal one; none if it was not fitted.
     """
     lines = []
     if dataset.attrs["failures"] > 0:
         lines.append(
-            f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: its traces are not to be used; "
-            "narrow the priors or raise the sensor noise"
+            f"the filter lost a positive covariance at {dataset.attrs['failures']} samples: do not use its traces; narrow the priors or "
+            f"raise the sensor noise"
         )
     nis, count = dataset["nis"].values, dataset["n_measured"].values
     ratio = float(nis[count > 0].sum() / max(count.sum(), 1))
@@ -64,12 +64,12 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
         beyond = np.sqrt(ratio) / np.exp(np.mean(np.log(fitted))) if fitted else 1.0
         if not 1 / EXPLAINED < beyond < EXPLAINED:
             lines.append(
-                f"{finding}, and {plain(beyond)} times what the fit finds: the filter is linearised about wide priors, and knows no fitted "
-                "lag or start; do not use its traces, and leave [sensors] as it is"
+                f"{finding}, and {plain(beyond)} times those of the fit: the filter is linearised about wide priors, without a fitted "
+                "lag or start. Do not use its traces, and do not change [sensors]"
             )
         else:
             times = f"multiply the noise in [sensors] by about {np.sqrt(ratio):.2g}"
-            lines.append(f"{finding}: {times}, or expect model error; `seatrial tuning` says more")
+            lines.append(f"{finding}: {times}, or expect model error; see `seatrial tuning`")
     return lines
 
 

@@ -45,7 +45,7 @@ class RecordTuning:
         return all(finding.code == "not-settled" for finding in self.report.findings)
 
     def lines(self) -> list[str]:
-        """The check in lines of text: numbers, what they may be by chance, and what to change."""
+        """Return the check in lines of text: numbers, their ranges by chance, and recommended changes."""
         report = self.report
         messages = [f"  NIS {report.nis:.3g} for each measurement, {_band(report.nis_band)} if tuned"]
         for i, name in enumerate(self.record.measured):
@@ -56,7 +56,7 @@ class RecordTuning:
             messages.append(f"  NEES {report.nees:.3g} for each state, {_band(report.nees_band)} if tuned")
         if np.isfinite(report.moved):
             messages.append(
-                f"  coefficients moved {report.moved:.3g} times what P_0 allows, squared, {_band(report.moved_band)} if tuned"
+                f"  coefficients moved {report.moved:.3g} times as far as P_0 allows, squared, {_band(report.moved_band)} if tuned"
             )
         for i, name in enumerate(self.constants):
             messages.append(

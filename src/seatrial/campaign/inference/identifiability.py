@@ -60,7 +60,7 @@ def known_after(campaign: Campaign, estimate: Estimate, trials: Trials) -> Known
 
 
 def _with_all_errors(parameter: KnownParameter, estimate: Estimate) -> KnownParameter:
-    """Return a parameter with the ± of the estimate, which holds more than the noise, in place of that of its draws."""
+    """Return a parameter with the ± of the estimate, which holds more than the noise, instead of that of its draws."""
     wider = estimate.sd(parameter.name) / parameter.sd if parameter.sd else 1.0
     left = max(parameter.left, min(1.0, wider * parameter.left))
     return replace(parameter, sd=wider * parameter.sd, relative=wider * parameter.relative, left=left)

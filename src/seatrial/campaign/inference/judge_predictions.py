@@ -149,7 +149,7 @@ def trial_verdicts(fits: Sequence[Fit]) -> dict[str, Finding]:
 
 
 def held_back_lines(held_back: HeldBack) -> list[str]:
-    """Say how what was not fitted is predicted, each channel of each record in one line, then each channel of all together."""
+    """Return how what was not fitted is predicted, each channel of each record in one line, then each channel of all together."""
     lines = []
     for fit in held_back.fits:
         share = "" if fit.missing else f"{explained_short(fit.explained)}, "
@@ -198,12 +198,12 @@ def disowned(fits: Sequence[Fit]) -> str:
 
 
 def held_back_cautions(imports: ImportTable | None, trials: Trials) -> list[str]:
-    """What held-back records cannot show: nothing where all imported ones were fitted, little where they repeat an input."""
+    """What held-back records cannot show: nothing if all imported ones were fitted, little where they repeat an input."""
     if imports is not None and not trials.predict:
         return [f"no run was held back, so the bands are not tested on new runs; {hold_back_words(imports)}"]
     return [
-        f"held-back run {record.label} has the input of run {other.label}: a good prediction shows only that the vehicle repeats "
-        "itself; hold back a run with another input"
+        f"held-back run {record.label} has the input of run {other.label}, so a good prediction shows only that the vehicle repeats "
+        f"itself. Hold back a run with another input"
         for record in trials.predict
         for other in trials.fit
         if np.array_equal(record.control, other.control)
@@ -211,7 +211,7 @@ def held_back_cautions(imports: ImportTable | None, trials: Trials) -> list[str]
 
 
 def hold_back_words(imports: ImportTable) -> str:
-    """Say how to hold a run back: the only one that is fitted cannot be moved."""
+    """Return how to hold a run back: the only one that is fitted cannot be moved."""
     if len(imports.fit) > 1:
         return "move a run from fit to predict in [import]"
     return "record another run, and name it in `predict` of [import]"

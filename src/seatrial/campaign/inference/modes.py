@@ -75,7 +75,7 @@ class KnownModes:
 
 
 class _Known(NamedTuple):
-    """A structure with its modes, the highest first, none where none is known, and those of the others."""
+    """A structure with its modes, the highest first, none if none is known, and those of the others."""
 
     structure: Structure
     modes: tuple[Mode, ...]
@@ -198,9 +198,11 @@ def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
         with suppress(SeatrialError):  # of a record that cannot be judged nothing is added
             causes = sentences(likely_causes(study.campaign, study.records))
     if causes:
-        advice = f"`seatrial check` finds a likely cause: {'. '.join(causes)}. If that is not it: {advice}"
+        advice = f"`seatrial check` finds a likely cause: {'. '.join(causes)}. If that is not the cause: {advice}"
     where = study.campaign.where_of_prior(f"prior.{finding.subject[0]}")
-    raise InputError(where, found=statement(finding), expected="a prior that contains what the data say", remedy=advice)
+    raise InputError(
+        where, found=statement(finding), expected="a prior that contains the value by the data", remedy=advice
+    )
 
 
 def _find(study: Study, item: _Known, report: Progress) -> Mode | NumericalError:

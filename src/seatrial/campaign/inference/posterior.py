@@ -55,7 +55,7 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
 
 
 def widest(structures: Sequence[Structure]) -> Structure:
-    """Return the structure that has every term of several; one of them where that has all."""
+    """Return the structure that has every term of several; one of them if that has all."""
     terms = tuple(dict.fromkeys(term for one in structures for term in one.terms))
     whole = next((one for one in structures if set(one.terms) == set(terms)), None)
     return whole or Structure("all", terms)
@@ -98,7 +98,7 @@ def _check_parameters(campaign: Campaign, parameters: Sequence[Parameter], recor
         raise InputError(
             campaign.where("estimation.varying"),
             found=f'one trial, "{records[0].label}"',
-            expected="two trials at least: how much a coefficient varies between them is what its spread says",
+            expected="at least two trials, because the spread of a coefficient is its variation between trials",
             remedy="fit more runs jointly, or remove `varying` and its priors of spread",
         )
     count = sum(int(np.isfinite(record.channel(channel)).sum()) for record in records for channel in campaign.channels)
@@ -175,13 +175,13 @@ def _check_turns(model: VehicleModel, records: Sequence[Record], channels: Seque
                     f'record "{record.label}", channel "{angle}"',
                     found=f"{np.degrees(furthest):.0f} deg",
                     expected="angles within 180 deg, as a quaternion gives them",
-                    remedy="give [sensors.attitude] in place of the angles, which jumps nowhere; without loops and rolls over the "
-                    'vertical vehicle.attitude = "euler" will do',
+                    remedy="give [sensors.attitude] instead of the angles, because it never jumps; or, without loops and rolls over the "
+                    'vertical, set vehicle.attitude = "euler"',
                 )
 
 
 def first_sd(noise: Mapping[str, float], state: str) -> float:
-    """How far a first measurement lies from the state, SI: the sensor's noise, or 1 where there is no sensor."""
+    """How far a first measurement lies from the state, SI: the sensor's noise, or 1 if there is no sensor."""
     return noise.get(state, 1.0)
 
 
@@ -206,12 +206,12 @@ def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str
                 where,
                 found=f"a standard deviation of {sd:.3g} {parameter.unit}",
                 expected=f"a standard deviation below {WIDEST:g}",
-                remedy="give the smallest and the largest value that you would believe",
+                remedy="give the smallest and the largest plausible value",
             )
         if sd < NARROWEST * abs(mean):
             raise InputError(
                 where,
-                found=f"{mean:.6g} {parameter.unit} with a standard deviation of {sd:.3g}: it leaves nothing to estimate",
+                found=f"{mean:.6g} {parameter.unit} with a standard deviation of {sd:.3g}, which leaves nothing to estimate",
                 expected=f"a standard deviation of at least {NARROWEST:g} of the value",
                 remedy="widen it, or fix the coefficient under [vehicle] if it is known",
             )
@@ -230,7 +230,7 @@ def initial_state(campaign: Campaign, model: VehicleModel, record: Record) -> tu
         if state not in known and campaign.vehicle.equations(campaign.full):
             raise InputError(
                 f'record "{record.label}", channel "{state}"',
-                found="neither a channel with a finite value nor a trim value",
+                found="no channel with a finite value and no trim value",
                 expected="a first measurement",
                 remedy='set estimation.initial = "trim", or map the channel',
             )

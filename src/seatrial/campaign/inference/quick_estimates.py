@@ -98,7 +98,7 @@ class FirstAnswer:
         shares: what each standard deviation is made of, by name; none where it is the noise alone.
         causes: what adds most to those that are not mostly noise, in words.
         contains: what the standard deviations contain, and how to reduce what adds most.
-        drawn: draws about the mode, of which the next trial is designed; None where there is no mode.
+        drawn: draws about the mode, of which the next trial is designed; None if there is no mode.
         symmetry: sentences on which sides of the vehicle the data find alike.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
     """
@@ -241,7 +241,7 @@ def _answer(
         (parameter.name, parameter.unit, ((float(value), sds[parameter.name]),))
         for parameter, value in zip(posterior.present_parameters, mode.values, strict=True)
     )
-    flat = "in one direction the posterior is flat, and its standard deviations are those of the prior there"
+    flat = "in one direction the posterior is flat, so its ± is that of the prior"
     missing = left_out(posterior, structure, budget) if budget else ()
     cautions = (
         [flat] * mode.flat

@@ -1,4 +1,4 @@
-"""Draws of all structures that the data do not tell apart, each as often as it is probable.
+"""Draws of all structures that the data do not separate, each as often as it is probable.
 
 A record far from those that were fitted is predicted by each as its own terms continue. The mixture contains that spread:
 
@@ -23,7 +23,7 @@ from seatrial.selection.verdict import Selection
 
 @dataclass(frozen=True)
 class StructureAverage:
-    """Several structures as one: `Drawn` of the terms of all, 0 where one lacks a term.
+    """Several structures as one: `Drawn` of the terms of all, 0 if one lacks a term.
 
     Attributes:
         members: posterior of each, the most probable first.

@@ -73,7 +73,7 @@ class Look:
         time: s since the first sample.
         samples: that were used.
         coefficients: in the model's order.
-        innovations: of each channel, root mean square over what its noise allows: of the last window, NaN where there are too few.
+        innovations: of each channel, root mean square over what its noise allows: of the last window, NaN if there are too few.
         discount: what the information of the filter was divided by, so that the standard deviations hold.
         kind: of the advice.
         advice: one sentence.
@@ -101,7 +101,7 @@ class Look:
             )
         known = [f"{name} {value:.2f}" for name, value in self.innovations.items() if value == value]
         if known:
-            lines.append("  innovations over what is expected, last 20 s: " + ", ".join(known))
+            lines.append("  innovations divided by their expected size, last 20 s: " + ", ".join(known))
         if self.discount > 1.1:
             lines.append(
                 f"  ± is up to {np.sqrt(self.discount):.2g} times the filter's own: innovations are larger or slower than white noise"
@@ -129,7 +129,7 @@ class Adviser:
         goal: of the campaign, None for none.
         hold: seconds for which a goal has to be met before it is called so.
         shown: units of the coefficients.
-        library: of segments; None where there is none.
+        library: of segments; None if there is none.
     """
 
     recursion: Recursion
@@ -197,7 +197,7 @@ class Adviser:
         return [name for name in RATES[:3] if name in self.channels and self.recursion.trim.get(name)]
 
     def _unlike_trim(self, mean: np.ndarray, cov: np.ndarray) -> list[str]:
-        """Say which speed the coefficients give at trim, if it is surely not the one that is stated; in units of the recursion."""
+        """Return which speed the coefficients give at trim, if it is surely not the one that is stated; in units of the recursion."""
         messages, trim = [], self.recursion.trim
         for name in self.trimmed:
             share = self.recursion.shares_of_trim(name, mean, cov)
@@ -207,7 +207,7 @@ class Adviser:
         return messages
 
     def _edges(self, time: float, mean: np.ndarray, cut: np.ndarray, cov: np.ndarray) -> list[str]:
-        """Say which coefficients are at the edges of their priors, if one is pushed against its own; in units of the recursion.
+        """Return which coefficients are at the edges of their priors, if one is pushed against its own; in units of the recursion.
 
         Args:
             time: s.
@@ -228,12 +228,10 @@ class Adviser:
         signals = {name for term in terms for name in (*term.signals, VELOCITY_OF_AXIS.get(term.axis, ""))}
         shown = [name for name in self.channels if name in signals] or list(self.channels)
         checked = [*shown, *(name for name in self.recursion.model.controls if name in signals)]
-        return [
-            f"{names} {where}: check the unit and sign of {listed(checked)}; if they are right, widen what the priors allow"
-        ]
+        return [f"{names} {where}: check the unit and sign of {listed(checked)}; if they are right, widen the priors"]
 
     def _wanted(self, mean: np.ndarray) -> Float[np.ndarray, " k"]:
-        """Return the standard deviation that is wanted of each coefficient, SI; infinite where nothing is asked."""
+        """Return the standard deviation that is wanted of each coefficient, SI; infinite if nothing is asked."""
         goal, wanted = self.goal or Goal(), np.full(mean.size, np.inf)
         for i, name in enumerate(self.recursion.names):
             by_share = goal.shares[name] * abs(mean[i]) if name in goal.shares else np.inf
@@ -241,7 +239,7 @@ class Adviser:
         return wanted
 
     def _left(self, raw: np.ndarray, rate: np.ndarray | None, wanted: np.ndarray, discount: float) -> float | None:
-        """Return the seconds to the goal at the rate of the last window; None where there is no rate or no goal."""
+        """Return the seconds to the goal at the rate of the last window; None if there is no rate or no goal."""
         if rate is None or not np.isfinite(wanted).any():
             return None
         with np.errstate(all="ignore"):
@@ -267,10 +265,10 @@ class Adviser:
             return "check", doubts[0]
         if self.is_wrong:
             return "wrong", (
-                f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times what its sensor noise allows"
+                f"the model is wrong: innovations of {self.channels[worst]} are {rms[worst]:.1f} times as large as its sensor noise allows"
             )
         if not np.isfinite(wanted).any():
-            return "go on", "continue: [goal] has no standard deviation, so there is no point at which to stop"
+            return "go on", "continue: [goal] has no standard deviation to reach"
         if self.met_since is not None:
             if time - self.met_since >= self.hold:
                 return "stop", "the goal is met: stop"
@@ -279,7 +277,7 @@ class Adviser:
                 f"continue: the goal is met, and must stay met for {self.hold - (time - self.met_since):.0f} s more",
             )
         if left is None:
-            return "go on", "continue: there are too few samples to say how long"
+            return "go on", "continue: there are too few samples to estimate the time"
         choice = self.choice
         if (
             left > SOON_SECONDS
@@ -292,8 +290,7 @@ class Adviser:
                     f"this input will not reach the goal: switch to {choice.words}, about {choice.seconds:.0f} s of it",
                 )
             return "switch", (
-                f"neither this input nor any design will reach the goal; {choice.unmet} stays furthest from it: "
-                f"switch to {choice.words}"
+                f"no input will reach the goal; {choice.unmet} stays furthest from it: switch to {choice.words}"
             )
         if not np.isfinite(left) or left > 100 * HALVING_SECONDS:
             short = self.recursion.names[int(np.argmax(sd / wanted))]

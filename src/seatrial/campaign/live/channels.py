@@ -34,7 +34,7 @@ class Arrival(NamedTuple):
     Attributes:
         stamp: on the stream's clock, s, exactly.
         part: of the stream that it belongs to, such as the type of its message.
-        values: of channels, SI, NaN where a cell was empty.
+        values: of channels, SI, NaN if a cell was empty.
     """
 
     stamp: Decimal
@@ -77,7 +77,7 @@ class Channels:
             raise InputError(
                 self.name,
                 found="no [[import.files]] with a `table`",
-                expected="one for each type of message, or topic, that holds channels",
+                expected="one for each type of message, or topic, with channels",
                 remedy='name the type under `table`, for example table = "VFR_HUD", and its fields as columns',
             )
         self.needed([name for source in self.sources if source.table for name in source.channels], self.tables)
@@ -172,7 +172,7 @@ class Channels:
         self.attitude |= {name: values[name] for name in ANGLES if values.get(name) == values.get(name, np.nan)}
         if set(OVER_EARTH[:2]) <= set(values):
             if "psi" not in self.attitude:
-                self.say("no heading", "velocities over the earth are left out until a heading has come")
+                self.say("no heading", "velocities over the earth are left out before the first heading")
             else:
                 rows = matrix_of_angles(*(self.attitude.get(angle, 0.0) for angle in ANGLES))
                 over = [values.get(one, 0.0) for one in OVER_EARTH]
@@ -195,7 +195,7 @@ def columns_of(source: LogSource) -> set[str]:
 
 
 def _seconds(text: str, scale: Decimal) -> Decimal | None:
-    """Return a stamp in s, exactly; None where it is no time that a clock could show."""
+    """Return a stamp in s, exactly; None if it is no time that a clock could show."""
     try:
         stamp = Decimal(text) * scale
     except DecimalException:
@@ -320,5 +320,5 @@ class _Text:
             self.channels.name,
             found="no column of time among " + ", ".join(header[:30]),
             expected="`time` or `t`, in s, or the column that [[import.files]] names",
-            remedy="have the logger write one, or name it",
+            remedy="let the logger write one, or name it",
         )

@@ -34,11 +34,11 @@ class InnovationMemory:
 
     @property
     def mean_square(self) -> Float[np.ndarray, " m"]:
-        """Their mean square; 1 where there is none."""
+        """Their mean square; 1 if there is none."""
         return np.where(self.count > 0, self.squares[0] / np.maximum(self.count, 1), 1.0)
 
     def add(self, normalised: Float[np.ndarray, " m"]) -> None:
-        """Add one sample, NaN where a channel is missing."""
+        """Add one sample, NaN if a channel is missing."""
         for channel, value in enumerate(normalised.tolist()):
             if value == value:
                 self._add(channel, value)
@@ -79,7 +79,7 @@ class InnovationMemory:
         return float(np.max(np.maximum(self.mean_square, 1.0) * self.repeats(), initial=1.0))
 
     def look(self, now: float, window: float) -> Float[np.ndarray, " m"]:
-        """Return the root mean square of each channel over the last window, NaN where fewer than 20 innovations are in it.
+        """Return the root mean square of each channel over the last window, NaN if fewer than 20 innovations are in it.
 
         Args:
             now: time, s, not before that of an earlier look.

@@ -28,7 +28,7 @@ class Choice(NamedTuple):
 
     Attributes:
         words: of the segment.
-        seconds: until the goal is met by it; infinite where no number of runs in reason does.
+        seconds: until the goal is met by it; infinite if no number of runs in reason does.
         unmet: the coefficient that is then furthest from its goal.
     """
 
@@ -68,7 +68,7 @@ class Library:
             values: coefficients as they are believed, SI.
             information: what is known of them, SI.
             worth: share of a design's information that is honest, at most 1.
-            wanted: standard deviation of each, SI; infinite where nothing is asked.
+            wanted: standard deviation of each, SI; infinite if nothing is asked.
         """
         gained = worth * information_table(self.plan, self.controls, values[None])[:, 0]
         best = Choice(self.words[0], np.inf, "")

@@ -42,7 +42,7 @@ class Stepped(NamedTuple):
     """What one sample has taught; m channels.
 
     Attributes:
-        normalised: innovation of each channel given those before it, over its standard deviation, NaN where missing, shape (m,).
+        normalised: innovation of each channel given those before it, over its standard deviation, NaN if missing, shape (m,).
         failed: whether the covariance was lost; the belief is then not to be used.
     """
 
@@ -108,7 +108,7 @@ class Recursion:
             held: controls since then, SI.
             seconds: since then, 0 at a first sample.
             now: controls from now on, SI.
-            measured: SI, NaN where missing.
+            measured: SI, NaN if missing.
         """
         after, told = _stepper(self.method)(self.space, belief, held, seconds, now, measured)
         told = np.asarray(told)
@@ -147,7 +147,7 @@ def within_bounds(
     Args:
         mean: of it.
         cov: of it.
-        bounds: lower and upper of each component, infinite where there is none.
+        bounds: lower and upper of each component, infinite if there is none.
     """
     mean, cov = np.array(mean), np.array(cov)
     for i, (low, high) in enumerate(bounds):

@@ -46,7 +46,7 @@ class Session:
         campaign: of `load_campaign`; its whole structure is followed, from its priors.
         name: of the stream, for messages.
         settings: how it is taken.
-        library: of segments; None where there is none.
+        library: of segments; None if there is none.
 
     Raises:
         InputError: a prior that is missing, or a curve that cannot be read.
@@ -136,7 +136,7 @@ class Session:
         doubts = [*map(_left_out, sorted(self.values.left_out)), *self.check.judge()]
         look = self.adviser.look(self.clock.time, self.samples, self.coefficients, self.memory, doubts)
         if self.adviser.failure is not None:
-            self.notes.say("library", f"other designs could not be weighed: {self.adviser.failure}")
+            self.notes.say("library", f"other designs could not be evaluated: {self.adviser.failure}")
         if self.kept is not None:
             self.kept.show(look.as_json())
         return look
@@ -181,8 +181,8 @@ class Session:
 
 def _left_out(name: str) -> str:
     return (
-        f"check the unit of {name}: most of its values are far beyond what the campaign foresees, and {name} is left out; "
-        "there is no advice until it is right"
+        f"check the unit of {name}: most of its values are far outside the range of the campaign, and {name} is left out. There is no "
+        f"advice before the correction"
     )
 
 
@@ -224,7 +224,7 @@ class Passed(NamedTuple):
     """What becomes of a stamp.
 
     Attributes:
-        step: s since the sample before; 0 where states begin anew.
+        step: s since the sample before; 0 if states begin anew.
         kind: `goes on`, `begins` (the first, or behind a gap or a restart), or `dropped`.
     """
 
@@ -265,14 +265,14 @@ class ClockGate:
         if step < -Decimal(MAX_LATE_SECONDS):
             self.say(
                 "restart",
-                f"the clock went back by {-step:.6g} s: the states are initialised again, the estimates of the coefficients stay",
+                f"the clock went back by {-step:.6g} s: the states are initialised again, but the coefficients are kept",
             )
             return self._pass(stamp, part, max(elapsed, 1e-3), "begins")
         if step < 0:
             self.say("late", f"samples that come late (by {-step:.3g} s) are dropped")
             return Passed(0.0, "dropped")
         if step > self.gap:
-            self.say("gap", f"nothing came for {step:.4g} s: the states are initialised again")
+            self.say("gap", f"no data for {step:.4g} s: the states are initialised again")
             return self._pass(stamp, part, float(step), "begins")
         return self._pass(stamp, part, float(step), "goes on")
 

@@ -96,7 +96,7 @@ def sessions(folder: Path) -> list[str]:
 
 
 def last_look(folder: Path) -> dict[str, Any] | None:
-    """Return what the last session of a campaign's folder said last, with `run` and the time `at`; None where there is none."""
+    """Return what the last session of a campaign's folder said last, with `run` and the time `at`; None if there is none."""
     try:
         content = json.loads(read_bytes(folder / LAST_LOOK))
     except (OSError, InputError, ValueError, RecursionError):
@@ -128,7 +128,7 @@ def with_session(campaign: Campaign, run: str) -> str:
             campaign.where("truth"),
             found="[truth]: its trials are simulated",
             expected="a campaign that imports",
-            remedy="take a copy of its file without [truth] and [import] to another folder, or leave --import out",
+            remedy="copy its file without [truth] and [import] to another folder, or leave --import out",
         )
     imports = campaign.imports
     whole = _import_of(imports, campaign.model(campaign.full), campaign.channels, run)
@@ -139,7 +139,7 @@ def with_session(campaign: Campaign, run: str) -> str:
             campaign.where("import"),
             found="runs of other files",
             expected="an [import] of live sessions, or none",
-            remedy="copy the session to where [[import.files]] looks for a run, or put these lines into a campaign of their own:\n"
+            remedy="copy the session to the path of [[import.files]], or put these lines into a separate campaign:\n"
             + with_values("", whole).strip(),
         )
     fit = list(dict.fromkeys((*imports.fit, run)))

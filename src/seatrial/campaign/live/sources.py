@@ -67,7 +67,7 @@ def open_source(text: str, tables: Sequence[str]) -> Source:
         if sys.stdin.isatty():
             raise InputError(
                 "SOURCE",
-                found="standard input, which is a keyboard",
+                found="standard input from a keyboard",
                 expected=_KINDS,
                 remedy="name it, or pipe into it",
             )
@@ -185,8 +185,8 @@ class MavlinkUdp:
             self.socket.close()
             raise InputError(
                 f"SOURCE udp:{host}:{port}",
-                found=f"a port that cannot be listened to ({cause.strerror or cause})",
-                expected="an address of this machine, and a port that nobody else listens to",
+                found=f"a port that cannot be opened ({cause.strerror or cause})",
+                expected="an address of this machine, and a port that no other program uses",
                 remedy="0.0.0.0 listens on all networks; stop the other program, or have it forward to another port",
             ) from cause
 
@@ -233,7 +233,7 @@ class RosTopics:
                 self.close()
                 raise InputError(
                     "SOURCE ros2",
-                    found=f"nobody who publishes {topic}",
+                    found=f"no publisher of {topic}",
                     expected="the topics of [import]: " + ", ".join(topics),
                     remedy="start the publisher, or correct `table` of the file; `ros2 topic list` lists them",
                 )

@@ -135,8 +135,9 @@ class StreamCheck:
         if measured:
             self.say(
                 f"measured {measured[0]}",
-                f"controls that change at nearly every sample are taken as held from each to the next: {', '.join(measured)}; "
-                f'if measured, and no command, write between = "line" for the column, as in channels.{measured[0]}, under [[import.files]]',
+                f"controls that change at nearly every sample are used as steps: {', '.join(measured)}. If they are measurements, not "
+                f'commands, write between = "line" for the column, as in channels.{measured[0]}, under '
+                f"[[import.files]]",
             )
 
     def _record(self, time: np.ndarray, control: np.ndarray, measured: np.ndarray) -> Record:

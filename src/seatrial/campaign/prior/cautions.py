@@ -35,7 +35,7 @@ def file_cautions(campaign: Campaign) -> list[str]:
 
 
 def vehicle_cautions(campaign: Campaign) -> list[str]:
-    """Say that the vehicle is still that of an example, or that its mass and a moment of inertia are not of one body."""
+    """Report that the vehicle is still that of an example, or that its mass and a moment of inertia are not of one body."""
     cautions, vehicle = [campaign.example_vehicle] if campaign.example_vehicle else [], campaign.vehicle
     if isinstance(vehicle, WholeVehicle):
         reach = max((hypot(*one.place) for one in vehicle.body.thrusters), default=0.0)
@@ -44,16 +44,16 @@ def vehicle_cautions(campaign: Campaign) -> list[str]:
 
 
 def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
-    """Say which radius of gyration, sqrt(I / m), no vehicle has; that of a rod is 0.29 times its length.
+    """Return which radius of gyration, sqrt(I / m), no vehicle has; that of a rod is 0.29 times its length.
 
     Args:
         hull: of the vehicle.
-        reach: distance of its farthest thruster from its origin, m; 0 where none is known.
+        reach: distance of its most distant thruster from its origin, m; 0 if none is known.
     """
     if hull.mass is None:
         return []
     least, most = GYRATION_RADII[0], min(GYRATION_RADII[1], TIMES_REACH * reach or GYRATION_RADII[1])
-    size = f", and the farthest thruster is {reach:.2g} m from the origin" if reach else ""
+    size = f", and the most distant thruster is {reach:.2g} m from the origin" if reach else ""
     radii = {
         f"{axis}{axis}": (one, sqrt(one / hull.mass)) for axis, one in zip("xyz", hull.inertia, strict=True) if one
     }
@@ -66,7 +66,7 @@ def doubtful_radii(hull: Hull, reach: float = 0.0) -> list[str]:
 
 
 def _limits_out_of_reach(control_limits: Mapping[str, Limits], trim: Mapping[str, float]) -> list[str]:
-    """Say which limits of controls are so far from the trim, or from the other limit where the trim is 0, that they limit nothing."""
+    """Return which limits of controls are so far from the trim, or from the other limit where the trim is 0, that they limit nothing."""
     cautions = []
     for name, limits in control_limits.items():
         at_trim, (factor, unit) = abs(trim.get(name, 0.0)), shown_unit(name)
@@ -99,6 +99,6 @@ def _start_that_is_not_held(campaign: Campaign) -> list[str]:
         for name, (factor, unit) in ((name, shown_unit(name)) for name in model.controls)
     )
     return [
-        f"a trial begins at {known['u']:.3g} m/s, but {at} holds {low:.3g} to {high:.3g} m/s by 90 % of the priors: the vehicle would "
-        f'never be at its trim. Correct u or the controls in vehicle.trim (u = "{middle:.2g} m/s" is held), or the priors'
+        f"a trial begins at {known['u']:.3g} m/s, but by 90 % of the prior {at} gives {low:.3g} to {high:.3g} m/s, so that the vehicle "
+        f'leaves its trim. Correct u or the controls in vehicle.trim (they give u = "{middle:.2g} m/s"), or the priors'
     ]

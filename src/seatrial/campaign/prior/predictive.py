@@ -122,7 +122,7 @@ def steady_motion(
     start: float = 0.0,
     held: Mapping[str, float] | None = None,
 ) -> tuple[Float[np.ndarray, " d"], Float[np.ndarray, " d"]]:
-    """Speed ahead, m/s, in which each vehicle settles, and the time constant there, s; NaN where there is none.
+    """Speed ahead, m/s, in which each vehicle settles, and the time constant there, s; NaN if there is none.
 
     As `trim_speed`: the first zero of du/dt on the side to which the vehicle sets off, up to `FASTEST` away.
 
@@ -131,7 +131,7 @@ def steady_motion(
         params: coefficients of each, SI.
         control: held, SI.
         start: speed from which it sets off, m/s. Terms in the change from trim hold near trim only, so rest may be too far.
-        held: states beside u, which stay as they are, SI; 0 where nothing is said.
+        held: states beside u, which stay as they are, SI; 0 if nothing is said.
     """
     state = tuple(float(start if name == "u" else (held or {}).get(name, 0.0)) for name in model.states)
     speed, slope, is_steady = map(np.asarray, _settled(model, dict(params), state, tuple(map(float, control))))
@@ -179,7 +179,7 @@ class PriorTrial:
         time: s, shape (n,).
         control: SI, in the model's order, shape (n, n_controls).
         start: state at the first sample, SI.
-        measured: channels as measured, SI, NaN where not, shape (n,) each; empty without a record.
+        measured: channels as measured, SI, NaN if not, shape (n,) each; empty without a record.
         priors: of the full structure's coefficients and nuisances.
         units: SI unit of each.
     """
@@ -320,10 +320,10 @@ class Expected:
     Attributes:
         channel: a speed of the vehicle through the water, or the force on a gauge.
         bands: its quantiles at `QUANTILE_LEVELS` among draws that do not diverge, SI, shape (5, n); NaN if most do.
-        single: of a few draws, SI, shape (k, n); NaN where they have diverged.
-        measured: as measured, SI, NaN where not, shape (n,); None where it is not.
+        single: of a few draws, SI, shape (k, n); NaN if they have diverged.
+        measured: as measured, SI, NaN if not, shape (n,); None if it is not.
         held: share of the measured values inside the 90 % range of what the prior expects to be measured, with noise, bias and current;
-            NaN where nothing can be compared.
+            NaN if nothing can be compared.
     """
 
     channel: str
@@ -339,7 +339,7 @@ class Settled:
 
     Attributes:
         at: steady control, in words.
-        speed: in which each draw settles at that control from the trial's first, m/s, NaN where it does not, shape (draws,).
+        speed: in which each draw settles at that control from the trial's first, m/s, NaN if it does not, shape (draws,).
         time_constant: there, s, likewise.
     """
 
@@ -350,17 +350,17 @@ class Settled:
 
 @dataclass(frozen=True, eq=False)
 class PriorPredictive:
-    """Motions that the prior expects.
+    """Motions under the prior.
 
     Attributes:
-        over: what was simulated, in words.
+        over: the simulated trial, in words.
         time: s, shape (n,).
         control: name to values, SI, shape (n,).
-        channels: what the vehicle shows, each over time.
+        channels: outputs of the vehicle over time.
         settled: steady speeds; None of a vehicle of other axes.
         diverged: which draws leave `FASTEST`, shape (draws,).
         believed: the parameters.
-        unphysical: coefficients whose priors allow values that physics does not.
+        unphysical: coefficients with priors that allow unphysical values.
     """
 
     over: str
@@ -473,7 +473,7 @@ def _draw(priors: Mapping[str, Prior], key: jax.Array) -> dict[str, Float[Array,
 
 
 def _of_trial(drawn: Mapping[str, np.ndarray], name: str, label: str) -> Float[np.ndarray, " draws"]:
-    """A nuisance that trials share or that each has of its own; 0 where it is none."""
+    """A nuisance that trials share or that each has of its own; 0 if it is none."""
     return drawn.get(name, drawn.get(own_name(name, label), np.zeros(N_DRAWS)))
 
 
@@ -489,7 +489,7 @@ def _held(measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, "draws 
 def _steady_control(
     known: Mapping[str, float], family: Family, model: VehicleModel, trial: PriorTrial
 ) -> tuple[list[float], str]:
-    """Controls at trim; where none is known, the medians of the trial's."""
+    """Controls at trim; if none is known, the medians of the trial's."""
     trim = {**known, family.control: family.trim}
     control = [trim.get(name, 0.0) for name in model.controls]
     if not any(control):

@@ -63,7 +63,7 @@ class Rehearsal:
 
     @property
     def needed(self) -> Int[np.ndarray, "V S"]:
-        """Trials run; N also where the goal was never met."""
+        """Trials run; N also if the goal was never met."""
         return self.data["trials"].values
 
     @property
@@ -139,18 +139,18 @@ class Rehearsal:
         """One sentence for each strategy that the adaptive one is compared with, and one about those that never met the goal."""
         comparisons = [self._compared(name) for name in self.strategies if name != ADAPTIVE]
         if not self.met.all():
-            comparisons.append(f"a vehicle that never met the goal counts as {self._most}: it would have needed more")
+            comparisons.append(f"a vehicle that did not meet the goal counts as {self._most}, although it needs more")
         if self.refused:
             drawn = self.vehicles + self.refused
-            comparisons.append(f"{self.refused} of {drawn} draws from the prior ran away and were drawn again")
+            comparisons.append(f"{self.refused} of {drawn} draws from the prior diverged and were drawn again")
         return comparisons
 
     def alarms(self) -> list[str]:
         """Strategies after which the stated uncertainty does not hold."""
         shares = {name: self.honest_share(name) for name in self.strategies}
         return [
-            f"{name}: the truth lies within 1.64 sd in {self._honest(name)} of the cases, and should in 0.90: "
-            "the posterior is not normal about its mode, and goals may have been met too early"
+            f"{name}: the truth lies within 1.64 sd in {self._honest(name)} of the cases (0.90 expected). The posterior is not normal "
+            f"about its mode, and goals may have been met too early"
             for name, share in shares.items()
             if max(share.value + SURE_ERRORS * share.error, self.honest_band(name)[1]) < HONEST_SHARE
         ]

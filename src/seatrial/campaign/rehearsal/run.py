@@ -5,7 +5,7 @@ Vehicles are drawn from the priors, and every strategy is run on each with the s
 - `adaptive`: the best design under the priors first, then the design of the largest Bayesian D gain given the trials so far, by
   Fisher information at the estimate (`rehearsal_designs`) and not by the filter of `seatrial design`, which is far slower.
 - `fixed`: the best design under the priors, again and again.
-- `doublet`: the best repeated doublet under the priors, again and again, where that is not the fixed design.
+- `doublet`: the best repeated doublet under the priors, again and again, if that is not the fixed design.
 - `random`: random steps of the largest amplitude, new ones for each trial.
 
 After each trial the posterior of all so far is its mode and the normal approximation there.
@@ -109,11 +109,11 @@ class DesignSpace:
         """
         gain = self.gains(values, cov)
         if np.isnan(gain).all():
-            raise NumericalError("the vehicle as estimated so far runs away under every design: narrow the priors")
+            raise NumericalError("the estimated vehicle diverges under every design: narrow the priors")
         return self.design(int(np.nanargmax(gain)))
 
     def gains(self, values: Float[np.ndarray, " k"], cov: Float[np.ndarray, "k k"]) -> Float[np.ndarray, " D"]:
-        """Bayesian D gain of every design, nats, NaN where the motion is not finite; arguments as `most_informative`."""
+        """Bayesian D gain of every design, nats, NaN if the motion is not finite; arguments as `most_informative`."""
         (information,) = in_blocks(lambda part: (_information(self.plan, np.asarray(values), part),), self.control)
         finite = np.all(np.isfinite(information), axis=(1, 2))
         gain = find_criterion("fisher-d", cov)(np.where(finite[:, None, None], information, 0.0))
@@ -146,7 +146,7 @@ class DesignSpace:
             raise InputError(
                 self.campaign.where("design.amplitude"),
                 found=f"amplitudes from {amplitudes[0]:g} (SI), none of which may be stepped to both sides of trim",
-                expected="one at least, for the random steps with which designs are compared",
+                expected="at least one, for the random steps that are compared with designs",
                 remedy="lower the amplitudes or lengthen `ramp`",
             )
         return float(max(inside))

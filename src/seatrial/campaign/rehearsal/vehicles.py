@@ -73,8 +73,8 @@ def draw_vehicle(campaign: Campaign, plan: TrialPlan, trying: Float[np.ndarray, 
     bears = (i for i, values in enumerate(coefficients) if in_blocks(partial(_stays, plan, values), trying)[0].all())
     if (first := next(bears, None)) is None:
         raise NumericalError(
-            f"each of {MAX_PRIOR_DRAWS} vehicles drawn from the prior runs away under a control that the designs use: narrow the priors; "
-            "`seatrial prior` shows why"
+            f"each of {MAX_PRIOR_DRAWS} vehicles drawn from the prior diverges under a control of the designs: narrow the priors; "
+            "`seatrial prior` shows the cause"
         )
     values = {name: float(column[first]) for name, column in columns.items() if not _is_own(name)}
     values |= {noise_name(channel): campaign.noise[channel] for channel in campaign.channels}
@@ -99,7 +99,7 @@ def run_trial(campaign: Campaign, vehicle: Vehicle, number: int, control: Float[
     present = campaign.measured_mask(campaign.family.time()) > 0
     measured = np.stack([columns[name] for name in campaign.channels], -1)
     if not (np.isfinite(measured) == present).all():
-        raise NumericalError(f"a vehicle drawn from the prior runs away in its trial {number}: narrow the priors")
+        raise NumericalError(f"a vehicle drawn from the prior diverges in its trial {number}: narrow the priors")
     provenance = Provenance("rehearsed", "", {"trial": number})
     return make_record(campaign.family.time(), columns, _channels(campaign.channels, columns), provenance, str(number))
 
@@ -145,7 +145,7 @@ def _run_through_autopilot(
         )
     except NumericalError as cause:
         raise NumericalError(
-            "a vehicle drawn from the prior runs away under the autopilot: narrow the priors"
+            "a vehicle drawn from the prior diverges under the autopilot: narrow the priors"
         ) from cause
 
 

@@ -84,7 +84,7 @@ def nested_pairs(
         campaign: configuration.
         estimates: posterior of each structure.
         trials: records.
-        selection: evidences to compare with; None where they have not been computed.
+        selection: evidences to compare with; None if they have not been computed.
     """
     by_names = {frozenset(estimate.names): estimate for estimate in estimates}
     messages = []

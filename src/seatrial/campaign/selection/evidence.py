@@ -47,7 +47,7 @@ def select_structure(campaign: Campaign, trials: Trials, reporter: Reporter = SI
     Args:
         campaign: configuration.
         trials: records, of `get_trials`.
-        reporter: told how far the evidences have come.
+        reporter: receives the progress.
 
     Returns:
         the probability of every structure and of every optional term, the most probable structure, and verdicts in words.

@@ -51,7 +51,7 @@ def compare_speeds(
 ) -> tuple[str, list[SpeedDifference]]:
     """Compare a velocity over the inputs of each fitted record, and then over the best design from trim.
 
-    It is the one that differs most, over the noise of its sensor, and is named; or the leading one where none is measured.
+    It is the one that differs most, over the noise of its sensor, and is named; or the leading one if none is measured.
 
     Args:
         campaign: configuration.
@@ -89,7 +89,7 @@ def compare_speeds(
 def expected_nats(
     campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep
 ) -> Float[np.ndarray, "A P"]:
-    """Expected log Bayes factor between two structures for every design of a grid, NaN where it breaks a limit."""
+    """Expected log Bayes factor between two structures for every design of a grid, NaN if it breaks a limit."""
     a, b = set(best.structure.terms), set(runner.structure.terms)
     pairs = [(runner, best)] if a < b else [(best, runner)] if b < a else [(best, runner), (runner, best)]
     every = campaign.control_trim(campaign.model(campaign.full))
@@ -166,7 +166,7 @@ def _speeds(
         speed, lost = speeds(model, channels, params, delay, start, control, step, range(time.size))
         if lost[0]:
             raise NumericalError(
-                f"{estimate.structure.label} runs away at its posterior mean, so that its motion cannot be compared: "
+                f"{estimate.structure.label} diverges at its posterior mean, so its motion cannot be compared: "
                 "look at its posterior in the report"
             )
         all_speeds.append((time, np.where(lost[:, None, None], np.nan, speed)))

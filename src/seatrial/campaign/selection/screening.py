@@ -78,7 +78,7 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     """The screening, and what it cautions of if structures are chosen by it; where it cannot be had and is not needed, only why.
 
     Raises:
-        InputError: as `screen_terms`, where there are too many structures to do without.
+        InputError: as `screen_terms`, if there are too many structures to do without.
     """
     if not can_be_screened(campaign):
         return None, []
@@ -93,7 +93,7 @@ def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
 
 
 def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> Campaign:
-    """The campaign with what a screening leaves of its structures, where there are too many to simulate each."""
+    """The campaign with what a screening leaves of its structures, if there are too many to simulate each."""
     if campaign.shortlist or not campaign.is_large:
         return campaign
     screened = screen_terms(campaign, trials, reporter)
@@ -104,7 +104,7 @@ def with_shortlist(campaign: Campaign, trials: Trials, reporter: Reporter = SILE
 
 
 def shortlist_of(campaign: Campaign, trials: Trials) -> Shortlist | None:
-    """What the screening says beyond the structures that are simulated; None where all of them are."""
+    """What the screening says beyond the structures that are simulated; None if all of them are."""
     if not (campaign.is_large and campaign.shortlist):
         return None
     screened = screen_terms(campaign, trials)
@@ -122,7 +122,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         raise InputError(
             campaign.where("sensors"),
             found=f"no sensor of {', '.join(missing)}",
-            expected="the velocities whose equations are sought, from which the rows of a screening are made",
+            expected="the velocities of the estimated equations, for the rows of a screening",
             remedy=f"map the channel {missing[0]}, or leave at most 64 structures, which need no screening",
         )
     terms = campaign.full.terms
@@ -147,7 +147,7 @@ def _screen_rows(campaign: Campaign, trials: Trials) -> Dataset:
         "bias_error": screening.bias.error[columns],
     }
     attributes = {
-        "delay": "" if delay is None else f"commands act {delay:.3g} s late, as explains the rows best",
+        "delay": "" if delay is None else f"commands act {delay:.3g} s late, which explains the rows best",
         "rows": screening.fit.status,
         "noise": screening.bias.status,
         "left_out": ignored(campaign, campaign.full),

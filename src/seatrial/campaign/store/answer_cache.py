@@ -32,7 +32,7 @@ def key_of_answer(folder: Path, text: str, asked: Mapping[str, Any]) -> str:
 
 
 def recall(path: Path, key: str) -> Any | None:
-    """Return an answer that was kept with this key; None where there is none, or a file is not what it was."""
+    """Return an answer that was kept with this key; None if there is none, or a file is not what it was."""
     try:
         kept = read_json(path, "seatrial run")
         same = kept["key"] == key and all(_is_as_then(Path(file), then) for file, then in kept["rests_on"].items())
@@ -42,7 +42,7 @@ def recall(path: Path, key: str) -> Any | None:
 
 
 def latest(path: Path) -> tuple[Any, bool] | None:
-    """Return the answer kept last, however it was asked for, and whether its files are what they were; None where there is none."""
+    """Return the answer kept last, however it was asked for, and whether its files are what they were; None if there is none."""
     try:
         kept = read_json(path, "seatrial run")
         return kept["answer"], all(_is_as_then(Path(file), then) for file, then in kept["rests_on"].items())
@@ -80,7 +80,7 @@ def _is_as_then(path: Path, then: str | None) -> bool:
 
 
 def _hash(path: Path) -> str | None:
-    """Return the hash of a file's bytes, of a folder's names; None where there is neither, or it cannot be read."""
+    """Return the hash of a file's bytes, of a folder's names; None if there is neither, or it cannot be read."""
     try:
         if path.is_dir():
             return sha256_of_json(sorted(os.listdir(path)))

@@ -113,7 +113,7 @@ class Estimate:
         contains: contents of the standard deviations, in words.
         causes: the largest part of each that is not mostly noise, in words, by parameter.
         cause_findings: which of them have which cause, and how to reduce it.
-        tried_effects: effects that the structure may lack and that were looked for, in words.
+        tried_effects: effects that the structure may lack and that were tried, in words.
     """
 
     structure: Structure
@@ -241,7 +241,7 @@ class StoredMode:
         terms: its coefficients.
         found: value and standard deviation of each parameter.
         correlations: each pair of parameters with its correlation.
-        units: SI unit of each parameter; none where an older version stored the mode.
+        units: SI unit of each parameter; none if an older version stored the mode.
         causes: what adds most to the standard deviations that are not mostly noise, in words.
     """
 

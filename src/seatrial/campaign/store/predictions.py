@@ -94,7 +94,7 @@ class Predictions:
         structure: label of the structure that predicts.
         data: curves on `sample`, the records one after another: `time`, s, index of the `record`, and by `channel` what was `measured`, the
             `mean`, and the standard deviations `motion_sd`, of the coefficients alone, and `sd`, with the noise of the sensor.
-        disagreements: where structures that the data do not tell apart predict a held-back record differently.
+        disagreements: where structures that the data do not separate predict a held-back record differently.
     """
 
     records: tuple[str, ...]
@@ -117,9 +117,9 @@ class FittedBaselines:
         names: baselines that could be fitted.
         words: what each is, such as "a linear Nomoto model", by name.
         parameters: as fitted, SI, by name.
-        noise_sd: SI, NaN where a baseline does not predict the channel.
+        noise_sd: SI, NaN if a baseline does not predict the channel.
         record: index of the record of each sample.
-        mean: predictions, SI, NaN where a baseline does not predict the channel.
+        mean: predictions, SI, NaN if a baseline does not predict the channel.
         refused: why others could not be fitted, by name.
     """
 

@@ -140,7 +140,7 @@ def as_json(part: Any) -> Any:
 
 
 def stamp_of(path: Path) -> str | None:
-    """Return the key that a result was written with, None where it is missing or damaged; of a dataset the header alone is read."""
+    """Return the key that a result was written with, None if it is missing or damaged; of a dataset the header alone is read."""
     try:
         return _stamp(path)
     except InputError:
@@ -148,7 +148,7 @@ def stamp_of(path: Path) -> str | None:
 
 
 def seal_of(path: Path) -> str | None:
-    """Return the hash of a JSON result, of its key and its content together; None where it is missing or damaged."""
+    """Return the hash of a JSON result, of its key and its content together; None if it is missing or damaged."""
     try:
         return read_json(path, "seatrial run").get(SEAL)
     except InputError:
@@ -186,7 +186,7 @@ class StepState(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredResult(Generic[Result]):
-    """One result of a step: where it is kept, what it depends on, and its type, by which it is read and written.
+    """One result of a step: if it is kept, what it depends on, and its type, by which it is read and written.
 
     Attributes:
         path: of the file; NetCDF or JSON, as its name says.
@@ -345,11 +345,11 @@ def save_checkpoint(path: Path, key: str, arrays: Mapping[str, Any]) -> None:
 
 
 def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
-    """Read a checkpoint with this key; None where there is none, it belongs to other work, or it is damaged, which is said."""
+    """Read a checkpoint with this key; None if there is none, it belongs to other work, or it is damaged, which is said."""
     try:
         with open_regular(path, links=True) as file, np.load(file, allow_pickle=False) as stored:
             if any(item.compress_type != ZIP_STORED for item in stored.zip.infolist()):
-                raise ValueError("it is compressed, which no checkpoint is")
+                raise ValueError("it is compressed, but a checkpoint is not")
             content = {name: stored[name] for name in stored.files}
         written, seal = str(content.pop("key")), str(content.pop(SEAL))
         if seal != _hash_of(content):
@@ -363,7 +363,7 @@ def load_checkpoint(path: Path, key: str) -> dict[str, np.ndarray] | None:
 
 
 def _stamp(path: Path) -> str | None:
-    """Return the key that a result was written with; None where there is none.
+    """Return the key that a result was written with; None if there is none.
 
     The bytes of a dataset are compared with the hash behind them, and its attributes read; its variables are read only where another
     tool has written it again, without that hash.

@@ -38,7 +38,7 @@ def first_outcome(
         campaign: with its candidates.
         trials: records.
         answers: of `posterior_modes`.
-        baselines: simple predictors, fitted to the same records; None where no record is held back.
+        baselines: simple predictors, fitted to the same records; None if no record is held back.
         remedy: how to obtain the whole posterior, in words.
 
     Raises:

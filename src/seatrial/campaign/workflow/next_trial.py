@@ -77,7 +77,7 @@ class Proposal:
         standing: where the campaign stands.
         advice: what to run and what it promises, or why to stop.
         expected: standard deviations after the trial, and the noise that they assume, in words.
-        why: what has to be corrected first; empty where no health check failed.
+        why: what has to be corrected first; empty if no health check failed.
         quoted: that check, in the words of its caution or alarm.
     """
 
@@ -117,17 +117,17 @@ def propose(outcome: Outcome) -> Proposal:
     if not failed or proposal.why or outcome.next is None:
         return proposal
     if proposal.trial is None:
-        proposal = Proposal(None, standing, ("no trial yet: a health check failed; run again once it is corrected",))
-    return replace(proposal, why="first correct what failed", quoted=failed)
+        proposal = Proposal(None, standing, ("no trial yet: there is an alarm; run again after the correction",))
+    return replace(proposal, why="first correct the failure", quoted=failed)
 
 
 def _failed(outcome: Outcome) -> str:
-    """Say which failed check of the chosen structure, or of the choice if that is asked for, comes first; empty where none failed."""
+    """Return which failed check of the chosen structure, or of the choice if that is asked for, comes first; empty if none failed."""
     goal, choice = outcome.campaign.goal, outcome.selection
     if outcome.own_alarms:
         return outcome.own_alarms[0]
     if (goal is None or goal.decided) and not choice.is_reliable and not choice.is_settled:
-        return f"the evidence does not yet tell the models apart; {BETTER_EVIDENCE}"
+        return f"the evidence does not separate the models yet; {BETTER_EVIDENCE}"
     return outcome.disowned
 
 
@@ -137,7 +137,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
     counting = goal is not None and goal.only_trials
     if goal is not None and not unmet and not doubt:
         if not counting and outcome.disowned:
-            why = "no trial yet: the goal is met only if the stated ± hold, and the residuals say that they do not"
+            why = "no trial yet: the goal is met only if the ± is right, but the residuals contradict it"
             return Proposal(None, standing, (), why=why, quoted=outcome.disowned)
         if not counting:
             words = f"the goal is met: {_goal_words(outcome)}"
@@ -146,7 +146,7 @@ def _weighed(outcome: Outcome, standing: tuple[str, ...]) -> Proposal:
             return Proposal(None, standing, advice)
         if len(outcome.trials.fit) >= goal.trials:
             trials = f"{goal.trials} trial{'s are' if goal.trials != 1 else ' is'}"
-            return Proposal(None, standing, (f"stop: {trials} run, which is all that [goal] asks for",))
+            return Proposal(None, standing, (f"stop: {trials} run, as [goal] requires",))
     if outcome.next is None:
         why = outcome.undesigned or "add [design] to the campaign to choose one from its designs"
         return Proposal(None, standing, (f"no trial is proposed: {why}",))
@@ -169,15 +169,15 @@ def before_stop(imports: ImportTable | None, goal: Goal | None, is_tested: bool)
     """Return what is missing before a goal that is met is a reason to stop.
 
     Args:
-        imports: runs and their logs; None where none is imported.
-        goal: what ends the campaign; None where nothing is said.
+        imports: runs and their logs; None if none is imported.
+        goal: end of the campaign; None if not stated.
         is_tested: whether a run was held back. Of simulated trials none is: the vehicle is known.
     """
     missing = []
     if imports is not None and not is_tested:
         missing.append(f"test the model, because no run was held back: {hold_back_words(imports)}")
     if goal == EXAMPLE_GOAL:
-        missing.append("state in [goal] how well you need to know it: this goal is the example of the template")
+        missing.append("state the precision that you need in [goal]: this goal is the example of the template")
     return missing
 
 
@@ -308,20 +308,20 @@ def _goal_words(outcome: Outcome) -> str:
 
 
 def _beside_wanted(share: float, wanted: float) -> str:
-    """Both in per cent, with as many digits as tell them apart."""
+    """Both in per cent, with as many digits as separate them."""
     if percent(share) != percent(wanted):
         return f"{percent(share)}, {percent(wanted)}"
     return f"{100 * share:.4g} %, {100 * wanted:.4g} %"
 
 
 def _wrong(outcome: Outcome) -> Proposal | None:
-    """What forbids to believe the model; None where nothing does."""
+    """What forbids to believe the model; None if nothing does."""
     failures = [
-        ("the model does not explain what it was fitted to", text) for text in sentences(fitted_failures(outcome.fits))
+        ("the model does not explain the fitted runs", text) for text in sentences(fitted_failures(outcome.fits))
     ]
     failures += [("an effect is missing", text) for text in sentences(outcome.chosen.left_out)]
     unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
-    failures += [("the model fails where it was not fitted", text) for text in unseen]
+    failures += [("the model fails on held-back runs", text) for text in unseen]
     if not failures:
         return None
     why, quoted = failures[0]

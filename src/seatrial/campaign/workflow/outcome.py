@@ -26,32 +26,32 @@ from seatrial.selection.verdict import DECIDED, Selection
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Everything the loop found, as the report draws it.
+    """All results of the loop, for the report.
 
     Attributes:
         campaign: configuration.
         trials: records.
         estimates: posterior of each structure.
-        selection: which structure the data support.
+        selection: of the structure.
         chosen: estimate of the most probable structure.
         filter: traces of the full structure.
         fits: how well each record is predicted.
         predictions: the curves.
         pooled: how well each channel of all held-back records together is predicted.
-        baselines: simple predictors, fitted to the same records; None where no record is held back.
-        compared: the chosen structure beside them, channel by channel.
-        known: what the data tell about each parameter of the chosen structure.
-        promised: what the best design would tell about those of the full one; None without such designs.
-        first: designs from the priors; None where trials were imported that nothing was designed for.
-        next: designs from the posterior of the chosen structure; None where the campaign designs no trial, or none can be designed.
-        screened: every structure in closed form; None where that cannot be done.
+        baselines: simple predictors, fitted to the same records; None if no record is held back.
+        compared: the chosen structure and the baselines, channel by channel.
+        known: precision of each parameter of the chosen structure.
+        promised: expected precision of those of the full one after the best design; None without such designs.
+        first: designs from the priors; None if trials were imported that nothing was designed for.
+        next: designs from the posterior of the chosen structure; None if the campaign designs no trial, or none can be designed.
+        screened: every structure in closed form; None if that cannot be done.
         screening_cautions: of that, or why it could not be done.
-        contenders: the chosen structure beside the runner-up; None where there is one structure, or no trial is designed.
-        disagreements: where structures that the data do not tell apart predict held-back records differently.
+        contenders: the chosen structure beside the runner-up; None if there is one structure, or no trial is designed.
+        disagreements: where structures that the data do not separate predict held-back records differently.
         summary: the machine-readable summary.
-        seal: of the stored summary, which changes with all that the summary was made from; empty where it is not stored.
-        undesigned: why no next trial can be designed; empty where one is, or none is wanted.
-        cross_validation: how well each fitted run is predicted from the others; None where that was not asked, or is not current.
+        seal: of the stored summary, which changes with all that the summary was made from; empty if it is not stored.
+        undesigned: why no next trial can be designed; empty if one is, or none is wanted.
+        cross_validation: how well each fitted run is predicted from the others; None if that was not asked, or is not current.
         first_answer: how to obtain the whole posterior, in words, where this is the posterior mode only; see `first_outcome`.
     """
 
@@ -108,7 +108,7 @@ class Outcome:
 
     @property
     def disowned(self) -> str:
-        """Why the stated standard deviations do not hold, in the words of the caution; empty where they do."""
+        """Why the stated standard deviations do not hold, in the words of the caution; empty if they do."""
         return disowned(self.fits)
 
     @property

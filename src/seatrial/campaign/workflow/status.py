@@ -55,7 +55,7 @@ def _page(flow: Workflow) -> StepState:
 
 
 def drawn_from(page: Path) -> str:
-    """Return the seal of the summary that a page was drawn from, as its head says; empty where it says none."""
+    """Return the seal of the summary that a page was drawn from, as its head says; empty if it says none."""
     with page.open(encoding="utf-8", errors="replace") as stream:
         match = re.search(r'<meta name="seatrial-summary" content="([0-9a-f]+)">', stream.read(HEAD_CHARACTERS))
     return match[1] if match else ""

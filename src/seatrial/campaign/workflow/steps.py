@@ -52,7 +52,7 @@ class Work(NamedTuple):
     Attributes:
         compute: returns its result; what is stored and current is read, all else computed and stored.
         stored: what it stores, found from the same needs of which only the keys are known; None for what is only derived from others.
-        seen: what other steps see of it where only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
+        seen: what other steps see of it if only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
     """
 
     compute: Callable[..., Any]
@@ -67,8 +67,8 @@ class Step:
     Attributes:
         name: of its result.
         needs: what it is given: results of other steps, `campaign`, `reporter`, or a setting of the call.
-        files: pattern of what it stores, below `results`; empty where that is nothing.
-        listed: its name where a campaign's standing is shown; empty where it is not shown.
+        files: pattern of what it stores, below `results`; empty if that is nothing.
+        listed: its name where a campaign's standing is shown; empty if it is not shown.
         command: that makes it current.
     """
 

@@ -101,12 +101,12 @@ class WholeRun:
         return both
 
     def begin(self, step: str) -> None:
-        """Say which step is made now."""
+        """Return which step is made now."""
         with self.guard:
             self.now, self.began, self.bars = step, time.monotonic(), {}
 
     def end(self) -> None:
-        """Say that it is made, and learn how long it took."""
+        """Report that it is made, and learn how long it took."""
         with self.guard:
             if self.now in self.expected:
                 seconds = time.monotonic() - self.began
@@ -186,7 +186,7 @@ def expected_seconds(steps: Sequence[str], size: float = 1.0) -> dict[str, float
 
 @contextmanager
 def timed(flow: Workflow, reporter: Reporter, step: str, of: str = "") -> Iterator[None]:
-    """Say how long work takes by what it took in this campaign before, and keep how long it takes now.
+    """Return how long work takes by what it took in this campaign before, and keep how long it takes now.
 
     The first time nothing is said, and nothing is said or kept if the step is current. Work that compiles programs takes longer than it
     will the next time, and is not kept.
@@ -202,7 +202,7 @@ def timed(flow: Workflow, reporter: Reporter, step: str, of: str = "") -> Iterat
         return
     name, began, compiled = f"{step} {of} {flow.campaign.folder.resolve()}", time.monotonic(), seconds_of_compiling()
     if (seconds := learnt().get(name, 0.0)) >= LEAST_SAID:
-        reporter.say(f"about {duration_text(seconds)}, by what this took before in this campaign")
+        reporter.say(f"about {duration_text(seconds)}, by its earlier time in this campaign")
     yield
     seconds = time.monotonic() - began
     if seconds_of_compiling() - compiled <= MAX_COMPILING * seconds:

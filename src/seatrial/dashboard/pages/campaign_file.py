@@ -28,9 +28,7 @@ _ASK = 'window.onbeforeunload = (e) => { e.preventDefault(); e.returnValue = "un
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    words = (
-        "Everything the forms write, and what they have no field for. It is checked as a whole before it is written."
-    )
+    words = "All keys, also those without a field in a form. The whole file is checked before it is written."
     with section(str(folder.name) + "/" + CAMPAIGN, words):
         messages = ui.element("div")
         await keep_form(
@@ -78,9 +76,9 @@ class FileForm:
         self.text.value = self.seen
 
     def _say_changed(self) -> None:
-        """Say that the file changed since it was read; what was typed stays in the field."""
+        """Report that the file changed since it was read; what was typed stays in the field."""
         with self.said:
-            words = "Somebody changed the file since you began. Your text stays in the field. See what differs before you save."
+            words = "The file was changed after you began. Your text stays in the field. Look at the differences before you save."
             markup(error_html(words, "Nothing was written."))
             button("Show the difference", self._show_difference, main=True)
 
@@ -98,11 +96,11 @@ class FileForm:
             self.seen = there
             self._guard()
             if not lines:
-                markup('<p class="note" role="status">The file now says the same as your text.</p>')
+                markup('<p class="note" role="status">The file is now the same as your text.</p>')
                 return
             words = (
                 '<p class="note" role="status">"Check and save" writes your text: lines marked - are removed, lines marked + are added. '
-                'To keep a line that somebody else wrote, put it into your text first.</p><pre tabindex="0">{}</pre>'
+                'To keep a line of the changed file, put it into your text first.</p><pre tabindex="0">{}</pre>'
             )
             markup(Markup(words).format(lines))
 
@@ -127,8 +125,8 @@ class FileForm:
         self._guard()
         with self.said:
             if is_new:
-                words = '<p class="done" role="status">Saved. Results made before may be stale now: <a href="{}">run again</a>.</p>'
+                words = '<p class="done" role="status">Saved. Earlier results may be stale now: <a href="{}">run again</a>.</p>'
                 markup(Markup(words).format(link("run", self.campaign)))
             else:
-                markup('<p class="note" role="status">The file can be used. Nothing was changed.</p>')
+                markup('<p class="note" role="status">The file is valid. Nothing was changed.</p>')
             markup(cautions_html(cautions))

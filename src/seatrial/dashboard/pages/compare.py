@@ -35,7 +35,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     others = [name for name in there if Store(context.campaign_paths.folder(name)).summary.is_file()]
     with section(
         "Two campaigns side by side",
-        "Beyond 3 joint standard deviations two coefficients contradict each other, if both campaigns had the same vehicle and water; "
+        "Two coefficients contradict each other if they differ by over 3 joint standard deviations, for the same vehicle and water; "
         "Noise, bias and current belong to the sensors and the day: they are listed, not judged.",
     ):
         if not Store(folder).summary.is_file():
@@ -69,20 +69,20 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 
 def nothing_beside(others: list[str], root: Path) -> Markup:
-    """Say why no campaign can stand beside this one: there is no other, or none that was run, each with a link to run it.
+    """Return why no campaign can stand beside this one: there is no other, or none that was run, each with a link to run it.
 
     Args:
         others: campaigns that were not run.
         root: folder that is served.
     """
     if not others:
-        return Markup("<p>No other campaign is in {}. Serve a folder that holds several.</p>").format(root)
+        return Markup("<p>No other campaign is in {}. Serve a folder that contains several.</p>").format(root)
     listed = Markup("").join(
         Markup('<li><a href="{}">Run {}</a></li>').format(link("run", name), root.name if name == "." else name)
         for name in others[:MOST]
     )
     more = Markup("<li>{} more</li>").format(len(others) - MOST) if len(others) > MOST else ""
-    words = "<p>No other campaign in {} has results of <code>seatrial run</code> yet. Go on with one of these:</p><ul>{}{}</ul>"
+    words = "<p>No other campaign in {} has results of <code>seatrial run</code> yet. Continue with one of these:</p><ul>{}{}</ul>"
     return Markup(words).format(root, listed, more)
 
 
@@ -128,7 +128,7 @@ def _judged(apart: float | None) -> str | Markup:
 
 
 def joint_difference(a: StoredAverage | None, b: StoredAverage | None) -> float | None:
-    """Difference of two estimates in joint standard deviations; None where one is missing, both are exact, or units differ.
+    """Difference of two estimates in joint standard deviations; None if one is missing, both are exact, or units differ.
 
     A campaign with an unknown mass estimates coefficients per unit of effective mass: of another dimension.
     """

@@ -39,7 +39,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         if there:
             Surface(context, folder, paths, there[-1], there)
         else:
-            words = "Run the design below: every trial of the grid is computed, which takes seconds to minutes."
+            words = "Run the design below: it computes every trial of the grid, in seconds to minutes."
             with section("No design yet", words):
                 pass
 
@@ -48,7 +48,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Run it", "Results that no longer belong to the campaign file are computed again."):
         with ui.element("div").classes("line"):
             for command, words in (
-                ("prior", "What the priors mean"),
+                ("prior", "Motion under the priors"),
                 ("design", "Run the design"),
                 ("next", "Design the next trial"),
             ):
@@ -59,10 +59,12 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await made_part(context, campaign, folder)
     with section(
         "Limits",
-        "Edits are checked as a whole, then written into campaign.toml; comments and order stay. An empty field is no limit.",
+        "Edits are checked, then written into campaign.toml; comments and order stay. An empty field is no limit.",
     ):
         messages_of_limits = ui.element("div")
-        saved = '<p class="done" role="status">Saved in campaign.toml. What was designed before is stale now: run the design.</p>'
+        saved = (
+            '<p class="done" role="status">Saved in campaign.toml. Earlier designs are stale now: run the design.</p>'
+        )
 
         def make(answer: Any) -> TableForm:
             text, questions = answer
@@ -75,7 +77,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 
 async def _cautions(context: AppContext, folder: Path) -> None:
-    """Say what is worth correcting in the campaign file before a trial, and keep that up to date."""
+    """Return what is worth correcting in the campaign file before a trial, and keep that up to date."""
 
     def said(cautions: tuple[str, ...]) -> None:
         markup(cautions_html(cautions))
@@ -232,7 +234,7 @@ class Surface:
 
 
 def legend_html(gain: np.ndarray) -> Markup:
-    """Say what the marks in the picture of designs mean, and its grey where designs break a limit, whose gain is NaN."""
+    """Return what the marks in the picture of designs mean, and its grey where designs break a limit, whose gain is NaN."""
     grey = Markup('; <span class="swatch" aria-hidden="true"></span> grey: a design that breaks a limit')
     return Markup('<p class="note">★ best design; □ the one you chose{}.</p>').format(
         grey if np.isnan(gain).any() else ""
@@ -276,7 +278,7 @@ def what_it_teaches(sweep: SweptDesigns, family: int, row: int, column: int, sho
 
 
 def _untaught(sweep: SweptDesigns, sd_after: np.ndarray) -> list[str]:
-    """Say about which coefficients a design says nothing, and what would; nothing where there is none such."""
+    """Say about which coefficients a design says nothing, and what would; nothing if there is none such."""
     names = [
         name
         for name, before, after in zip(sweep.names, sweep.sd_before, sd_after, strict=True)

@@ -93,7 +93,7 @@ class ImportForm:
         if kind in ("kept", "replaced"):
             self.form.set_options(self._logs(), value=words)
             await self._look()
-            text = "Kept as {}" if kind == "kept" else "Kept as {}, in the place of the earlier log of that name"
+            text = "Kept as {}" if kind == "kept" else "Kept as {}, instead of the earlier log of that name"
             self.state.set_content(Markup(f'<p class="done">{text}</p>').format(words))
         elif kind == "sending":
             if not self.is_shown:  # what stands there says what was wrong with another log
@@ -129,12 +129,10 @@ class ImportForm:
         lines = Markup("").join(Markup("<li>{}</li>").format(line) for line in (*log.tables, *log.remarks))
         markup(Markup('<ul class="findings">{}</ul>').format(lines))
         if dropped := ", ".join(self.draft.dropped):
-            words = (
-                "What was chosen for {} is not kept: the form begins again with {}, which is not a log of the same run."
-            )
+            words = "The choice for {} is discarded: {} is not a log of the same run, so the form begins again with it."
             markup(Markup('<p class="note" role="status">' + words + "</p>").format(dropped, name))
         if gone:
-            words = "In the map below {} takes the place of {}, because it has all that was mapped from there."
+            words = "In the map below {} replaces {}, because it has all mapped columns of that log."
             markup(Markup('<p class="note" role="status">' + words + "</p>").format(name, ", ".join(gone)))
         with ui.element("details"):
             with ui.element("summary"):
@@ -181,8 +179,8 @@ class ImportForm:
                 return
             self._begin_anew()
             words = (
-                f"Saved in campaign.toml: {run.label} is under {role}, with the columns of the map that was there. "
-                "Next, import the records: the chart at the top of this page will show it."
+                f"Saved in campaign.toml: {run.label} is under {role}, with the columns of the earlier map. Next, import the records: "
+                f"the chart at the top of this page will show it."
             )
             self._offer_import(self.holder, words)
 
@@ -201,7 +199,7 @@ class ImportForm:
         self.holder.clear()
 
     def _offer_import(self, place: ui.element, words: str) -> None:
-        """Say what was saved, and offer what comes next; that empties the form, and leads to where the records will be."""
+        """Return what was saved, and offer what comes next; that empties the form, and leads to where the records will be."""
 
         async def go() -> None:
             self._begin_anew()
@@ -217,7 +215,7 @@ class ImportForm:
         draft, mapped = self.draft, self.draft.channels
         self.clocks, self.clock_rows = {}, ui.element("div")
         self._show_clocks()
-        markup("<h3>Which column is which channel</h3>")
+        markup("<h3>Columns of the channels</h3>")
         self.rows = {
             channel: ChannelRow(draft, channel, mapped.get(channel), channel in data.controls, self._set_channel)
             for channel in dict.fromkeys((*data.channels, *mapped))
@@ -239,7 +237,7 @@ class ImportForm:
         self.clock_rows.clear()
         with self.clock_rows:
             if shown:
-                markup("<h3>Which column is the time</h3>")
+                markup("<h3>Column of the time</h3>")
             self.clocks = {
                 (log, table): ClockRow(self.draft, log, name, entry, partial(self._set_time, log, name, table))
                 for (log, table), (name, entry) in shown.items()
@@ -255,12 +253,12 @@ class ImportForm:
             with ui.element("summary"):
                 markup("The same as TOML: further keys, such as sums of columns, are kept")
             self.text = ui.textarea(
-                "Channel map, as it will stand in campaign.toml", value=written_tables("import.files", self.draft.files)
+                "Channel map for campaign.toml", value=written_tables("import.files", self.draft.files)
             )
             self.text.props("outlined autogrow").classes("mono wide").style("width: 100%")
             self.text.on("blur", self._typed)
         if data.simulated:
-            words = "This campaign simulates its vehicle; with a log it no longer does: its [truth] becomes a comment."
+            words = "This campaign simulates its vehicle. With a log it does not: its [truth] becomes a comment."
             markup(Markup('<p class="note">{}</p>').format(words))
         button("Check and save this map", self._save, main=True)
         self.said = ui.element("div")
@@ -270,7 +268,7 @@ class ImportForm:
         self._say_replaced()
 
     def _say_replaced(self) -> None:
-        """Say what saving does to the runs and logs that the campaign file names."""
+        """Return what saving does to the runs and logs that the campaign file names."""
         words = self.draft.replaced()
         self.replaced.set_content(Markup('<p class="note">{}</p>').format(words) if words else Markup(""))
 
@@ -332,7 +330,7 @@ class ImportForm:
         self.draft.logs[log] = there._replace(columns=columns, axes={**there.axes, name: summary.axes[name]})
 
     async def _checked(self, messages: ui.element) -> str | None:
-        """The campaign file with this map, checked; None where something is wrong, which is said beside its channel."""
+        """The campaign file with this map, checked; None if something is wrong, which is said beside its channel."""
         messages.clear()
         for row in (*self.rows.values(), *self.clocks.values()):
             row.complain("")
@@ -343,7 +341,7 @@ class ImportForm:
         text = ""
         if self.text.error:
             with messages:
-                say("Nothing was written. See above what is wrong with the map as TOML.")
+                say("Nothing was written. See the error of the map as TOML above.")
             return None
         try:
             run = self.draft.reader or "{run}"
@@ -355,7 +353,7 @@ class ImportForm:
             if without_unit:
                 units = ", ".join(row.channel for row in without_unit)
                 with messages:
-                    say(f"Nothing was written. See above which units are missing: {units}.")
+                    say(f"Nothing was written. These units are missing: {units}.")
                 return None
             text = self.draft.text()
             await self.context.worker_pool.think("check", str(self.folder), text)
@@ -384,7 +382,7 @@ class ImportForm:
             for channel, why in missing.items():
                 if channel in self.rows:
                     self.rows[channel].complain(f"Choose a column: {channel} {why}.", "column")
-            names = f"See above what needs a column: {', '.join(missing)}."
+            names = f"These channels need a column: {', '.join(missing)}."
             if refusal := names if missing else await self.axis.apart(text):
                 with self.said:
                     say(f"Nothing was written. {refusal}")

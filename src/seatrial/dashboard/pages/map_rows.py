@@ -178,7 +178,7 @@ class ChannelRow(MapRow):
 
 
 def axis_words(draft: MapDraft, log: str, table: str) -> str:
-    """Say what the small pictures of a table are drawn over: its rows, or the seconds of its clock."""
+    """Return what the small pictures of a table are drawn over: its rows, or the seconds of its clock."""
     axis = draft.logs[log].axes[table]
     if not axis.clock:
         return f"over rows 1 to {axis.rows}"

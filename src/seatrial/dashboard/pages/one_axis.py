@@ -40,7 +40,7 @@ class OneAxis:
         context: what is served.
         draft: of the map.
         change: puts another map into the form.
-        check: returns the whole campaign file with the map; None where something is wrong, which it says in an element that it empties
+        check: returns the whole campaign file with the map; None if something is wrong, which it says in an element that it empties
             first.
     """
 
@@ -85,8 +85,8 @@ class OneAxis:
             return
         with self.forms:
             words = (
-                "Do the clocks of the logs differ? Type what is to be added to the stamps of a log, or choose one quantity that two of the "
-                "logs hold, such as the yaw rate. A delay between the two columns would become part of the shift."
+                "If the clocks of the logs differ, type the seconds to add to the stamps of a log, or choose one quantity in two logs, "
+                "such as the yaw rate. The shift then contains any delay between the two columns."
             )
             markup(Markup('<p class="note">{}</p>').format(words))
             with ui.element("div").classes("line"):
@@ -98,8 +98,8 @@ class OneAxis:
                     self.shifts[path, table] = form
             options = {key: f"{one.name} · {log}" for key, (log, one) in self.draft.columns.items()}
             with ui.element("div").classes("line"):
-                self.kept = ui.select(options, label="Column of the log that stays").props(LOOK)
-                self.moved = ui.select(options, label="Same quantity in the log that moves").props(LOOK)
+                self.kept = ui.select(options, label="Column of the reference log").props(LOOK)
+                self.moved = ui.select(options, label="Same quantity in the shifted log").props(LOOK)
                 button("Line up by correlation", self._line_up)
 
     async def _typed(self, path: str, table: str | None) -> None:
@@ -123,7 +123,7 @@ class OneAxis:
 
         ends = self._chosen()
         if len(ends) < 2:
-            self._say("Choose one column of each of two logs, each of which gives a channel above.")
+            self._say("Choose one column of each of two logs that have a channel above.")
             return
         (_, kept), (moves, moved) = ends
         differ = self._differ(str(self.kept.value), str(self.moved.value))
@@ -142,7 +142,7 @@ class OneAxis:
         await self.show()
 
     def _differ(self, *keys: str) -> str:
-        """Say that two columns are not of one quantity; nothing where they are, by map, guess or name."""
+        """Report that two columns are not of one quantity; nothing if they are, by map, guess or name."""
         first, second = (self.draft.columns[key][1].name for key in keys)
         alike = first == second or self.draft.quantity_of(keys[0]) == self.draft.quantity_of(keys[1])
         return "" if alike else delay_words(first, second)
@@ -183,7 +183,7 @@ class OneAxis:
         return str(folder), text, run, tuple(map(stamp, paths)), compared if len(compared) == 2 else ()
 
     async def apart(self, text: str) -> str:
-        """Say that the logs have no common time by a campaign file, so that it can make no record of them; nothing where they have.
+        """Report that the logs have no common time by a campaign file, so that it can make no record of them; nothing if they have.
 
         Raises:
             SeatrialError: a log that cannot be read.
@@ -235,7 +235,7 @@ class OneAxis:
 
 
 def shift_error(shift: float | None) -> str | None:
-    """Return what is wrong with a shift, s, that was typed; None where nothing is."""
+    """Return what is wrong with a shift, s, that was typed; None if nothing is."""
     if shift is None:
         return "a number of seconds; 0 for none"
     return None if abs(shift) <= LONGEST else f"at most {LONGEST:.0e} s either way"
@@ -255,10 +255,10 @@ def span_words(about: AxisAbout) -> str:
     lines = [f"{log}: {_from_to(span)}" for log, span in spans_of(about).items()]
     words = f"{'; '.join(lines)}, counted from the earliest stamp."
     if about.overlaps:
-        words += f" The record: {_from_to(about.interval)}, where every control is known and something is measured."
+        words += f" The record: {_from_to(about.interval)}, with all controls and a measurement."
     if COMPARED in about.roles:
         names = [name for name, role in zip(about.names, about.roles, strict=True) if role == COMPARED]
-        words += f" On top {' and '.join(names)}, each less its mean and over its standard deviation."
+        words += f" On top {' and '.join(names)}, standardised (mean removed, divided by standard deviation)."
     return words
 
 
@@ -268,7 +268,7 @@ def _from_to(span: tuple[float, float]) -> str:
 
 
 def _apart_words(about: AxisAbout) -> str:
-    return f"The logs do not overlap: {span_words(about)} Line them up, or let them begin together."
+    return f"The logs do not overlap: {span_words(about)} Align them, or let them begin together."
 
 
 def panels_of(about: AxisAbout) -> list[Panel]:
@@ -287,7 +287,7 @@ def panels_of(about: AxisAbout) -> list[Panel]:
 
 
 def lined_up_words(shift: ClockShift, moved: str) -> str:
-    """Say which shift of a log correlates best, and how sharp that is.
+    """Return which shift of a log correlates best, and how sharp that is.
 
     Args:
         shift: the shift of its clock, s.
@@ -311,12 +311,12 @@ def _ends(lower: float, upper: float) -> str:
 
 
 def delay_words(first: str, second: str) -> str:
-    """Say what a shift between columns of two quantities means too."""
-    return f"{first} and {second} are not the same quantity: the delay from one to the other is part of this shift."
+    """Return what a shift between columns of two quantities means too."""
+    return f"{first} and {second} are not the same quantity: this shift contains the delay between them."
 
 
 def _seconds(shift: Any) -> float:
-    """The shift of a log in seconds; 0 where the file says none, or none that can be read, which the check says."""
+    """The shift of a log in seconds; 0 if the file says none, or none that can be read, which the check says."""
     try:
         return 0.0 if shift is None else quantity(shift, "s", "shift")
     except SeatrialError:

@@ -19,8 +19,8 @@ from seatrial.dashboard.run_bar import standing_of
 EVERY = 2.0
 """Seconds between looks at what is running."""
 LEGEND = (
-    "✓\N{NO-BREAK SPACE}current: its results belong to the campaign file and logs as they are now. "
-    "↻\N{NO-BREAK SPACE}stale: something has changed since. ○\N{NO-BREAK SPACE}missing. "
+    "✓\N{NO-BREAK SPACE}current: its results belong to the present campaign file and logs. "
+    "↻\N{NO-BREAK SPACE}stale: a file has changed since. ○\N{NO-BREAK SPACE}missing. "
     "▲\N{NO-BREAK SPACE}failed a check: do not use its numbers yet."
 )
 
@@ -111,7 +111,7 @@ def steps_html(steps: tuple[StepState, ...]) -> Markup:
 
 
 def title_of(folder: Path) -> str:
-    """Name of a campaign as its file says, without reading more; empty where it cannot be read."""
+    """Name of a campaign as its file says, without reading more; empty if it cannot be read."""
     try:
         content = toml_content(folder / CAMPAIGN, read_file(folder))
         return str(content["campaign"]["name"])[:120]

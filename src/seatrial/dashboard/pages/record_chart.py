@@ -173,7 +173,7 @@ class RecordChart:
             button("Check, save and re-import", self._save, main=True)
         self.saved = ui.element("div")
         words = (
-            "Seconds from the beginning of the whole record: there every control is known and something is measured. "
+            "Seconds from the beginning of the whole record, which has all controls and a measurement. "
             '"Select a range" sets both.'
         )
         markup(Markup('<p class="note">{}</p>').format(words))
@@ -203,10 +203,10 @@ class RecordChart:
 
 
 def ends_errors(start: float | None, end: float | None, available: float) -> tuple[str | None, str | None]:
-    """Return what is wrong with the begin and the end of a run, each None where nothing is.
+    """Return what is wrong with the begin and the end of a run, each None if nothing is.
 
     Args:
-        start: s from the beginning of the whole record; None where none is typed.
+        start: s from the beginning of the whole record; None if none is typed.
         end: likewise.
         available: length of the whole record, s.
     """

@@ -36,7 +36,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     if is_of_template(folder):
         words = '<ul class="cautions"><li>{} <a href="{}">Edit campaign.toml</a>, <a href="{}">change noise and terms</a>.</li></ul>'
         markup(Markup(words).format(EXAMPLES, link("file", campaign), link("model", campaign)))
-    with section("What was recorded", "Raw data, downsampled, spikes kept."):
+    with section("Recorded signals", "Raw data, downsampled; spikes are kept."):
 
         def records() -> list[Path]:
             return sorted((Store(folder).results / "records").glob("*.nc"))
@@ -58,7 +58,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await keep_current(ui.element("div"), seen, draw)
     with section(
         "Checks",
-        "What seatrial check says: direction, size, delay, outliers, gaps, and which coefficients each record can determine.",
+        "Results of seatrial check: direction, size, delay, outliers, gaps, and the coefficients that each record can determine.",
     ):
         await checks_part(context, campaign, folder)
         live, messages = Live(context, folder, OF_RECORDS), ui.element("div")
@@ -79,7 +79,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
     with section(
         "A new log",
-        "Put a log into the campaign's folder, or send it from here. Preview it, say which column is which channel, and save.",
+        "Put a log into the campaign's folder, or send it from here. Preview it, choose the column of each channel, and save.",
     ) as part:
         part.props(f"id={NEW_LOG}")
         ImportForm(context, campaign, folder, start).build()
@@ -108,7 +108,7 @@ def checks_html(checked: Checked | None, campaign: str) -> Markup:
     """Return the checks of each record as a table, the gravest finding first, each remedy with a link to where it is done."""
     if checked is None:
         return Markup("<p>The records have not been checked yet.</p>")
-    stale = "Something has changed since this check: check the records again"
+    stale = "A file has changed since this check: check the records again"
     html = Markup("") if checked.is_current else cautions_html([stale])
     for one in checked.records:
         rows = [
@@ -116,7 +116,7 @@ def checks_html(checked: Checked | None, campaign: str) -> Markup:
             for row in one.rows
         ]
         title = f"Record {one.label}: {one.level}"
-        html += table(["verdict", "check", "what was found", "what to do"], rows, title, 4, stacks=True)
+        html += table(["verdict", "check", "finding", "remedy"], rows, title, 4, stacks=True)
         html += links_html(
             [(link("download", campaign, file=one.picture, shown="1"), f"Raw plot of {one.label} (SVG)")]
         )
@@ -136,7 +136,7 @@ def _remedy(row: CheckRow, campaign: str) -> Markup:
 
 
 async def _anew(context: AppContext, folder: Path) -> str:
-    """Say how records are made again; nothing where the campaign has none, or cannot be read, which is said where they are shown."""
+    """Return how records are made again; nothing if the campaign has none, or cannot be read, which is said where they are shown."""
     with suppress(SeatrialError):
         data = await context.form_data(folder)
         return "Simulate again" if data.simulated else "Re-import" if data.imported else ""

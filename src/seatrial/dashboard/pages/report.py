@@ -32,7 +32,7 @@ NOWHERE = "nowhere"
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    with section("Report", "One page with everything, for archive and print; it needs no server."):
+    with section("Report", "One page with all results, to archive or print; it needs no server."):
         report = Store(folder).report
 
         async def links() -> None:
@@ -43,7 +43,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         button("Write the report again", lambda: begin(context, folder, messages, "report"), main=not report.is_file())
     with section(
         "Export",
-        "To a simulator or a vehicle: into export/ in the campaign's folder, listed under Files. Only what is possible is offered.",
+        "To a simulator or a vehicle: written to export/ in the folder of the campaign, listed under Files. Only possible targets are "
+        "offered.",
     ):
 
         async def form() -> None:
@@ -52,7 +53,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await keep_current(ui.element("div"), lambda: stamp(Store(folder).summary), form)
     with section("At work"):
         Live(context, folder)
-    with section("Files", "Results and exports, as they lie in the campaign's folder."):
+    with section("Files", "Results and exports in the folder of the campaign."):
 
         async def files() -> None:
             there = context.campaign_paths.files(campaign)
@@ -129,7 +130,7 @@ class ExportForm:
             with ui.element("details").props("" if possible else "open"):
                 with ui.element("summary"):
                     ui.label(f"Not possible for this campaign: {len(refused)}").style("display: inline")
-                markup(table(["target", "why not, and what to do"], refused, left=2))
+                markup(table(["target", "reason and remedy"], refused, left=2))
 
 
 def option_of(target: ExportTarget) -> str:
@@ -142,7 +143,7 @@ def unsupported_html(target: ExportTarget) -> Markup:
     if target.is_trial:
         return Markup("")
     if not target.unsupported:
-        return Markup('<p class="note">All that is known of the vehicle is supported.</p>')
+        return Markup('<p class="note">All known terms of the vehicle are supported.</p>')
     rows = Markup("").join(Markup("<li>{}</li>").format(one) for one in target.unsupported)
     return Markup('<h3>Unsupported terms</h3><ul class="findings">{}</ul>').format(rows)
 

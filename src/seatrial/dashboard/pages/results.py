@@ -70,7 +70,7 @@ def _sections(campaign: str, folder: Path, sections: dict[str, str]) -> None:
 
 
 def next_links(campaign: str, store: Store, trial: NextTrial) -> Markup:
-    """Return links to the next trial; nothing where it is better not run."""
+    """Return links to the next trial; nothing if it is better not run."""
     if trial.stop or trial.best is None:
         return Markup("")
     links = [(link("design", campaign), "Look at it on the design surface")]

@@ -39,11 +39,11 @@ OPTION = """
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    with section("Where this campaign stands", LEGEND):
+    with section("State of this campaign", LEGEND):
         await standing_part(context, folder)
-    with section("Run a command", "The same commands as in a shell. Started again, they resume where they were."):
+    with section("Run a command", "The same commands as in a shell. A command that is started again resumes."):
         CommandForm(context, folder)
-    with section("At work", "A command goes on if this page or the dashboard is closed."):
+    with section("At work", "A command continues if this page or the dashboard is closed."):
         Live(context, folder)
         await made_part(context, campaign, folder)
 
@@ -196,7 +196,7 @@ def live_html(job: Job, folded: bool = False) -> Markup:
     if job.command or job.output:
         shown = Markup("<pre class='output' tabindex='0'>$ {}\n{}</pre>").format(job.command, job.output)
         parts.append(
-            Markup("<details><summary>What it prints</summary>{}</details>").format(shown)
+            Markup("<details><summary>Output</summary>{}</details>").format(shown)
             if job.running or (folded and not _failed(job))
             else shown
         )
@@ -211,13 +211,11 @@ def _state(job: Job) -> Markup:
         words = "following the trial" if job.word == LIVE else "starting"
         return Markup('<p class="running"><span class="dot"></span>{} …</p>').format(words)
     if job.killed:
-        words = "was killed. What it had finished is kept: start it again to resume."
+        words = "was killed. Finished work is kept: start it again to resume."
         return Markup('<p class="alarm">▲ {} {}</p>').format(job.occupant.words if job.occupant else "", words)
     if _failed(job):
-        return Markup('<p class="alarm">▲ The last command ended with an error, and says what to do about it.</p>')
-    return Markup("<p>Nothing is running.{}</p>").format(
-        " The last command that was started here:" if job.command else ""
-    )
+        return Markup('<p class="alarm">▲ The last command ended with an error. Its output has the remedy.</p>')
+    return Markup("<p>Nothing is running.{}</p>").format(" The last command started here:" if job.command else "")
 
 
 def _failed(job: Job) -> bool:

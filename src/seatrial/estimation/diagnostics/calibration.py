@@ -35,7 +35,7 @@ class Calibration:
         method: how posteriors were drawn.
         structure: label of the structure.
         refused: share of the prior's draws that could not be simulated, and were drawn again.
-        health: of each replicate: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN where the
+        health: of each replicate: R-hat, effective sample size, share of divergent transitions, share of moves made, NaN if the
             method has no such number.
     """
 

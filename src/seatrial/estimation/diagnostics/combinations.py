@@ -73,7 +73,7 @@ class Combination(NamedTuple):
 
     Attributes:
         text: what it is made of, such as `X_u + 2 u0 X_uabsu`.
-        meaning: what it is, empty where it is nothing but the sum known best.
+        meaning: what it is, empty if it is nothing but the sum known best.
         unit: SI unit.
         weights: factor of each parameter; empty of a ratio.
         value: its value.
@@ -150,7 +150,7 @@ def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list
 
 
 def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:
-    """Return the same space by rows of which each has a one where the others have zeros: Gauss and Jordan, largest pivots."""
+    """Return the same space by rows of which each has a one if the others have zeros: Gauss and Jordan, largest pivots."""
     rows, free = rows.copy(), list(range(len(rows)))
     while free:
         which, column = np.unravel_index(np.argmax(np.abs(rows[free])), rows[free].shape)
@@ -273,7 +273,7 @@ def _precision(correlation: np.ndarray, size: np.ndarray, members: list[int]) ->
 
 
 def _ratio(weight: float, part: Unknown, i: int) -> str:
-    """Return the factor of one member with its unit, that of the first member over its own; nothing where it is one."""
+    """Return the factor of one member with its unit, that of the first member over its own; nothing if it is one."""
     unit = _unit_ratio(part, i)
     if unit == "1":
         return "" if abs(abs(weight) - 1) < 5e-4 else f"{abs(weight):.3g}"

@@ -84,15 +84,15 @@ class ErrorBudget:
 
     Attributes:
         names: of the parameters.
-        ratio: standard deviation with all errors, over that of the normal approximation within the model, shape (k,).
+        ratio: standard deviation with all errors, divided by that of the normal approximation within the model, shape (k,).
         shares: of the variance from each of `ORIGINS`, shape (4, k).
-        causes: sources that make most of what the noise does not, by parameter.
-        omitted: effects that are there more probably than not, the most probable first.
-        tried: effects that were looked for; none where the likelihood has process noise, or is one's own.
-        stated: of each stated source but the smooth force its value after the data and its standard deviation, over the one stated.
-        slow: channels whose residuals are slow although their noise is taken as white.
+        causes: sources of most of the error that is not noise, by parameter.
+        omitted: effects with a probability above one half, the most probable first.
+        tried: effects that were tried; none if the likelihood has process noise, or is the user's.
+        stated: of each stated source but the smooth force, its value by the data and its standard deviation, divided by the stated one.
+        slow: channels with slow residuals and a white noise model.
         describes: whether the best set without a smooth force leaves less than slow residuals of most of the variance on some channel;
-            where not, each standard deviation is as far as the prior reaches.
+            if not, each standard deviation is as wide as the prior.
         farthest: root mean square distances of the priors from the values at the mode, SI, shape (k,): as far off as a value is by the
             prior alone.
         values: at the mode, SI, shape (k,).
@@ -130,7 +130,7 @@ class ErrorBudget:
 
     @property
     def _remarks(self) -> list[str]:
-        return [] if self.tried else ["the noise alone: beside process noise other errors are not weighed"]
+        return [] if self.tried else ["only noise: with process noise, other errors are not computed"]
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -139,7 +139,7 @@ class ErrorBudget:
         """Return the standard deviation of a parameter with all errors, at most that of its prior about the value.
 
         Args:
-            name: of the parameter; of one that a run has of its own it is `within`.
+            name: of the parameter; for one of a single run the result is `within`.
             within: its standard deviation within the model.
         """
         if name not in self.names:
@@ -148,7 +148,7 @@ class ErrorBudget:
         return max(within, min(within * float(self.ratio[at]), float(self.farthest[at])))
 
     def shares_of(self, name: str) -> ErrorShares:
-        """Return what the variance of a parameter is made of; of one that a run has of its own, noise."""
+        """Return the parts of the variance of a parameter; for one of a single run, noise."""
         return ErrorShares(*map(float, self.shares[:, self.names.index(name)])) if name in self.names else ErrorShares()
 
     def is_prior(self, name: str, within: float) -> bool:
@@ -157,18 +157,18 @@ class ErrorBudget:
         return within < 0.999 * float(self.farthest[at]) <= 0.999 * within * float(self.ratio[at])
 
     def cause(self, name: str) -> tuple[Effect, ...]:
-        """Return the sources that make most of the mean square error of a parameter; none where slow residuals do."""
+        """Return the sources of most of the mean square error of a parameter; none if slow residuals are."""
         at = self.names.index(name)
         return self.causes[at] if self.shares[0, at] < 0.5 else ()
 
 
 def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = StatedErrors()) -> ErrorBudget:
-    """Return the standard deviations at the mode with all errors, and what they are made of.
+    """Return the standard deviations at the mode with all errors, and their parts.
 
     Args:
-        posterior: of records; of a log density of one's own, and of one with process noise, the normal approximation is all there is.
+        posterior: of records; for a user's log density, and with process noise, the result is only the normal approximation.
         mode: of the posterior, all its parameters.
-        stated: standard deviations of what no residual shows.
+        stated: standard deviations of stated inputs.
     """
     check_kind(posterior, Posterior, "posterior", "make it with `make_posterior`")
     check_kind(mode, Mode, "mode", "find it with `find_mode`")
@@ -286,7 +286,7 @@ def _follow_best(
 
 
 def _sets_of(model: LinearModel, left_out: Sequence[str]) -> list[Member]:
-    """Return the sets of sources about a motion; none where it is not finite, or too large for double precision to solve."""
+    """Return the sets of sources about a motion; none if it is not finite, or too large for double precision to solve."""
     try:
         return model.average(left_out) if model.is_finite else []
     except np.linalg.LinAlgError:

@@ -1,4 +1,4 @@
-"""Evidence of rival models with every error: the average over sets S of sources of error, log sum_S P(S) p(y | S), in place of none.
+"""Evidence of rival models with every error: the average over sets S of sources of error, log sum_S P(S) p(y | S), instead of none.
 
 Sets and their densities are those of the error budget. Models that differ in their terms alone share one linear model, about the motion of
 all their terms with the best set of sources: an absent term is one whose column is left out. So they differ by what the data say, and not
@@ -30,11 +30,11 @@ def log_evidence_gains(
 
     Args:
         posteriors: of the same records.
-        modes: of each; None where none was found.
-        stated: standard deviations of what no residual shows.
+        modes: of each; None if none was found.
+        stated: standard deviations of stated inputs.
 
     Returns:
-        None where a likelihood has process noise or is one's own, a mode is missing, or a motion diverges.
+        None if a likelihood has process noise or is one's own, a mode is missing, or a motion diverges.
     """
     known = [mode for mode in modes if mode is not None]
     if len(known) < len(posteriors) or not all(isinstance(one.likelihood, OutputError) for one in posteriors):

@@ -83,12 +83,12 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class StatedErrors:
-    """Standard deviations of what no residual shows; 0 for what is exact.
+    """Standard deviations of stated inputs, which no residual shows; 0 for exact ones.
 
     Attributes:
-        inertia: of each axis, over its stated value.
+        inertia: of each axis, divided by its stated value.
         scale: of each sensor of a velocity.
-        clock: of the time between commands and motion, in intervals of the samples; where it is exact, a shift is looked for.
+        clock: of the time between commands and motion, in intervals of the samples; if it is exact, a shift is tried as an effect.
         force: share by which the forces of motion, and those of commands, depart from their formulas.
     """
 
@@ -127,7 +127,7 @@ class Source(NamedTuple):
     Attributes:
         effect: which.
         columns: their places among the sizes.
-        stated: standard deviation of its size; None where it is found.
+        stated: standard deviation of its size; None if it is found.
         worth: size in the effect's own unit, over that along its column.
     """
 
@@ -195,7 +195,7 @@ def lay_out(
     among: Collection[Effect] | None = None,
     smooth: bool = True,
 ) -> Perturbed | None:
-    """Return the sources about a motion; None where it diverges.
+    """Return the sources about a motion; None if it diverges.
 
     Args:
         posterior: of records.
@@ -203,8 +203,8 @@ def lay_out(
         stated: standard deviations of what is stated.
         before: sources of the motion, with their columns; None for none.
         sizes: of these.
-        lags: pairs of lags, s, of effects, in place of `LAGS`.
-        among: effects that may be sources; all where None.
+        lags: pairs of lags, s, of effects, instead of `LAGS`.
+        among: effects that may be sources; all if None.
         smooth: whether the smooth force has its columns, half of all; without it is only counted.
     """
     motion = _Motion(posterior, z, before, sizes)
@@ -232,7 +232,7 @@ def linearise(posterior: Posterior, at: Perturbed) -> Iterator[Float[np.ndarray,
         at: where; not finite where the motion diverges.
 
     Yields:
-        an array for each channel, shape (trials, n, 1 + d + m), 0 where nothing was measured.
+        an array for each channel, shape (trials, n, 1 + d + m), 0 if nothing was measured.
     """
     d, point, noise = at.z.size, np.concatenate([at.z, at.sizes]), posterior.likelihood.noise_parameters
     moving = [i for i, name in enumerate(posterior.names) if name not in noise]  # of the noise slopes are 0
@@ -311,7 +311,7 @@ class _Motion:
         return np.where(self.inside, 0.5 * sum(ends), 0.0)
 
     def rms(self, values: Float[np.ndarray, "trials n"]) -> float:
-        """Return the root mean square, 1 where it is 0."""
+        """Return the root mean square, 1 if it is 0."""
         return float(np.sqrt(np.mean(np.square(values[self.inside])))) or 1.0
 
     def acceleration(self, axis: str, signals: Mapping[str, Any], outside: float = 0.0) -> np.ndarray:
@@ -529,7 +529,7 @@ def _force_of_inertia(motion: _Motion, axis: str, body: float, added: float, gai
 
 
 def _stated_inertia(model: VehicleModel) -> dict[str, tuple[float, float]]:
-    """Return the inertia of each axis that is stated: of the body, and of the added mass; none where forces are per unit of it."""
+    """Return the inertia of each axis that is stated: of the body, and of the added mass; none if forces are per unit of it."""
     stated = dict(model.constants)
     if model.per_unit_mass:
         return {}

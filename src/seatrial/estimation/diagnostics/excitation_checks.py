@@ -50,7 +50,7 @@ def check_excitation(
 def check_signs(
     names: Sequence[str], columns: Mapping[str, Float[np.ndarray, " n"]], noise: Mapping[str, float]
 ) -> list[Finding]:
-    """Return a caution for every two terms that are one in a record, because no signal that tells them apart changes its sign.
+    """Return a caution for every two terms that are one in a record, because no signal that separates them changes its sign.
 
     Args:
         names: coefficients.

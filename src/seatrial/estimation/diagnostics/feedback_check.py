@@ -111,7 +111,7 @@ def _passed_on(
     sigma: Float[np.ndarray, " m"],
     bend: Sequence[Float[np.ndarray, " n"] | None],
 ) -> Float[np.ndarray, " m"] | None:
-    """Return the share of each channel in the noise that a control holds; None where it is no function of them."""
+    """Return the share of each channel in the noise that a control holds; None if it is no function of them."""
     changes = np.flatnonzero(np.diff(control)) + 1
     changes = changes[(changes >= DELAYS[-1]) & (changes < control.size - 1)]
     at = np.arange(LAGS - 1, changes.size)

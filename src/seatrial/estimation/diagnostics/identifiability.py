@@ -42,7 +42,7 @@ class Group:
 
     Attributes:
         names: the parameters.
-        correlation: the correlation of two of them that is farthest from zero.
+        correlation: the correlation of two of them that is most distant from zero.
         known: sums that are known better, those with a meaning first, the best of all last.
     """
 
@@ -70,7 +70,7 @@ class Identifiability:
         prior_sd: prior standard deviations.
         correlation: posterior correlations.
         eigenvalues: of the information of the data in relative changes, or in prior standard deviations where a value is
-            near zero, ascending; NaN where the model diverges.
+            near zero, ascending; NaN if the model diverges.
         untouched: parameters on which no measurement depends.
         invisible: combinations of the others on which no measurement depends.
         groups: parameters that are known together rather than each.

@@ -353,7 +353,7 @@ def noise_shapes(
         sensor: whose noise it is.
         values: its parameters by name, SI.
         channel: when it was measured.
-        rows: columns, 0 where it was not.
+        rows: columns, 0 if it was not.
     """
     here, gaps = np.asarray(channel.present) > 0, np.asarray(channel.gaps)
     samples = min(here.shape[1], bucket_length(int(here.sum(1).max(initial=1))))
@@ -401,7 +401,7 @@ def _whitened_sums(
 ) -> tuple[Array, Array]:
     """Return the sums of products of what is new in each measurement, by a Kalman filter, and of the logs of its sd, of each slow part.
 
-    The slow part x has a correlation exp(-t / time), or, where it is smooth, as of a force that drifts and moves a mass, that times
+    The slow part x has a correlation exp(-t / time), or, if it is smooth, as of a force that drifts and moves a mass, that times
     1 + t / time: with its rate over that of the memory, y,
 
         (x, y)' = exp(-t / time) [[1 + t / time, t / time], [-t / time, 1 - t / time]] (x, y) + noise

@@ -51,7 +51,7 @@ def check_motion(
     file: str = "",
     mirrored: Sequence[str] = (),
 ) -> list[Finding]:
-    """Direction, size and timing of a measured channel beside the expected one, NaN where not measured.
+    """Direction, size and timing of a measured channel beside the expected one, NaN if not measured.
 
     Args:
         name: channel.
@@ -62,7 +62,7 @@ def check_motion(
         has_delay: whether the delay has a prior.
         controls: that make the motion, whose units may be wrong as well.
         by_trim: whether the measured channel contradicts its trim too: of two guesses of one unit only the better is made.
-        file: of the channel, where the controls are in another, whose clock may differ; empty where they are in the same.
+        file: of the channel, where the controls are in another, whose clock may differ; empty if they are in the same.
         mirrored: thrusters of which some drive the channel forwards and some backwards, so that it goes the other way if they are swapped.
     """
     step = float(np.median(np.diff(time)))
@@ -113,7 +113,7 @@ def check_range(
 
     Args:
         name: channel.
-        measured: SI, NaN where not measured.
+        measured: SI, NaN if not measured.
         expected: of the vehicle at the prior means, SI.
         noise: standard deviation of the gauge, SI.
     """
@@ -137,7 +137,7 @@ def check_turn(
 
     Args:
         names: channels along the axes of the body, such as u, v and w.
-        measured: SI, NaN where not measured.
+        measured: SI, NaN if not measured.
         expected: of the vehicle at the prior means, SI.
     """
     there = np.isfinite(measured).all(1)
@@ -207,15 +207,15 @@ def check_sum(
     noise: float,
     has_delay: bool = False,
 ) -> list[Finding] | None:
-    """Judge a channel in which errors add up by all vehicles of the priors; None where these allow no verdict.
+    """Judge a channel in which errors add up by all vehicles of the priors; None if these allow no verdict.
 
-    They allow none where one of them goes as the record does, or where they lie as far apart as it moves. Of a record that goes much
+    They allow none if one of them goes as the record does, or where they lie as far apart as it moves. Of a record that goes much
     further than each of them, or much less far, the unit is doubted.
 
     Args:
         name: channel.
         time: of the record, s, shape (n,).
-        measured: SI, NaN where not measured, shape (n,).
+        measured: SI, NaN if not measured, shape (n,).
         expected: of the vehicle at the prior means, SI, shape (n,).
         drawn: of d vehicles drawn from the priors, SI, not finite where they run away, shape (d, n).
         noise: standard deviation of the sensor, SI.

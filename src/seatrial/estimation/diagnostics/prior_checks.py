@@ -29,7 +29,7 @@ MIN_RANK_GAP = 0.25  # Difference of mean ranks, 0.5 at most, from which a param
 
 
 def prior_excluding_data(posterior: Posterior, mode: Mode) -> Finding | None:
-    """Report a prior against whose bound the data push; None where each contains what they say.
+    """Report a prior against whose bound the data push; None if each contains what they say.
 
     A mode within 2 % of a bound is suspect, in shares of the width, or where one side is open of that of a uniform of the same
     standard deviation; if a step of a tenth of the width beyond the bound, the other parameters following

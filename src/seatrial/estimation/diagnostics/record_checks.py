@@ -145,7 +145,7 @@ def check_trim(
     Args:
         trim: of controls and velocities that belong together, SI.
         controls: of the record by name, SI.
-        measured: velocities of the record by name, SI, NaN where not measured.
+        measured: velocities of the record by name, SI, NaN if not measured.
     """
     results = []
     for name in (one for one in controls if trim.get(one)):
@@ -166,7 +166,7 @@ def _speed_over_trim(
     controls: Mapping[str, Float[np.ndarray, " n"]],
     measured: Float[np.ndarray, " n"],
 ) -> float | None:
-    """Return a velocity over its trim when all controls are at trim; None where too few samples tell it.
+    """Return a velocity over its trim when all controls are at trim; None if too few samples tell it.
 
     A trial often changes a control to both sides of its trim and is never at it: the velocity is taken as a straight line in the controls.
     Nothing is said of a vehicle that is still on its way to trim, as from rest.
@@ -175,7 +175,7 @@ def _speed_over_trim(
         name: of the velocity, whose trim is not 0.
         trim: as `check_trim`.
         controls: likewise.
-        measured: velocity, SI, NaN where not measured.
+        measured: velocity, SI, NaN if not measured.
     """
     driving = [one for one in controls if trim.get(one)]
     off = np.array([controls[one] / trim[one] - 1 for one in driving]).reshape(len(driving), measured.size)
@@ -212,7 +212,7 @@ def check_samples(
 
     Args:
         name: channel.
-        values: SI, NaN where not measured.
+        values: SI, NaN if not measured.
         noise: standard deviation of the sensor, SI; neighbours of a steep but quiet signal differ by less.
         sensor: whose channel it is, as the campaign names it.
         is_heavy: whether its residuals have heavy tails, which tolerate such samples.

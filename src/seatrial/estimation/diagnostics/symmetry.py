@@ -118,7 +118,7 @@ def restrictions_of(names: Sequence[str], thrusters: Sequence[Thruster] = ()) ->
 
 
 def mirror_of(thruster: Thruster, thrusters: Sequence[Thruster], axis: int = 1) -> int | None:
-    """Return the place in a list of the mirror image of a thruster, itself perhaps, across x, y or z; None where there is none."""
+    """Return the place in a list of the mirror image of a thruster, itself perhaps, across x, y or z; None if there is none."""
     flip = np.ones(3)
     flip[axis] = -1.0
     place, push = flip * thruster.place, flip * thruster.column[:3]
@@ -148,7 +148,7 @@ def _sign(name: str, axis: int) -> int:
 
 
 def _parity(term: CoefficientName, axis: int) -> int:
-    """Return -1 where a mirror changes the sign of either the force or its term, 1 where of both or none; 0 where a trim forbids to say."""
+    """Return -1 if a mirror changes the sign of either the force or its term, 1 if of both or none; 0 if a trim forbids to say."""
     parity = _sign(term.axis, axis)
     for factor in term.factors:
         sign = _sign(factor.signal, axis)

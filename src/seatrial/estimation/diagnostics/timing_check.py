@@ -49,7 +49,7 @@ class Timing(NamedTuple):
     """Which shifts explain a channel.
 
     Attributes:
-        likely: those that nothing explains better, the smallest first; several where the motion repeats, none where its sign is reversed.
+        likely: those that nothing explains better, the smallest first; several where the motion repeats, none if its sign is reversed.
         is_in_time: whether no shift is among them, or between them.
         is_reversed: whether the reversed channel, without a shift, is explained as well as any.
     """
@@ -67,11 +67,11 @@ class Timing(NamedTuple):
 def find_timing(
     time: Float[np.ndarray, " n"], measured: Float[np.ndarray, " n"], expected: Float[np.ndarray, "d n"], most: float
 ) -> Timing | None:
-    """Return which shifts explain a channel; None where none explains enough of its motion, or too few samples are there.
+    """Return which shifts explain a channel; None if none explains enough of its motion, or too few samples are there.
 
     Args:
         time: of the record, s.
-        measured: SI, NaN where not measured.
+        measured: SI, NaN if not measured.
         expected: of vehicles of the priors, SI, finite.
         most: largest shift, s.
     """
@@ -112,8 +112,8 @@ class _Grid:
 
     Attributes:
         step: from cell to cell, s.
-        y: channel, 0 where it is not measured.
-        weight: of each cell, 0 where the channel is not measured.
+        y: channel, 0 if it is not measured.
+        weight: of each cell, 0 if the channel is not measured.
         moving: expected motion of the vehicles that move, in units of its standard deviation, shape (d, m).
         lag: shifts in cells.
     """
@@ -269,7 +269,7 @@ class _Noise(NamedTuple):
 
 
 def _stretches(step: float, lag: np.ndarray, gain: np.ndarray) -> tuple[Shifts, ...]:
-    """Return shifts in stretches, one where they are less than `APART` from the next, the smallest first."""
+    """Return shifts in stretches, one if they are less than `APART` from the next, the smallest first."""
     parts = np.split(np.arange(lag.size), np.flatnonzero(np.diff(lag) * step > APART) + 1)
     result = [
         Shifts(*(float(step * lag[at]) for at in (part[np.argmax(gain[part])], part[0], part[-1]))) for part in parts

@@ -4,7 +4,7 @@
 
 Noise q of a state, and disturbances d, forces with a memory (`simulation/disturbance.py`), which are states of the filter too. The
 marginal likelihood of the innovations (Schweppe, IEEE Trans. Automatic Control 11, 1965). Where what it adds is real, output error is too
-sure of itself; where there is none of it, the two agree.
+sure of itself; if there is none of it, the two agree.
 """
 
 from collections.abc import Mapping, Sequence
@@ -201,16 +201,16 @@ def filter_error(
         if sensor.lag or sensor.is_late or sensor.noise != "white":
             raise InputError(
                 f"filter error, sensor {sensor.channel}",
-                found="a lag" if sensor.lag else "a clock that is late" if sensor.is_late else f"{sensor.noise} noise",
-                expected="white noise, no lag and a clock that is right",
-                remedy="use the output-error likelihood for these, or leave them out: process noise takes up what is slow",
+                found="a lag" if sensor.lag else "a late clock" if sensor.is_late else f"{sensor.noise} noise",
+                expected="white noise, no lag and a correct clock",
+                remedy="use the output-error likelihood for these, or leave them out: process noise describes slow errors",
             )
     if not all(np.isfinite(initial_sd)) or min(initial_sd) <= 0:
         raise InputError(
             "filter error, initial spread",
             found=f"{list(initial_sd)}",
             expected="positive numbers, one for each state",
-            remedy="give the noise of the sensor that shows the state",
+            remedy="give the noise of the sensor of the state",
         )
     if still := [axis for axis in disturbed if axis not in model.disturbance_axes]:
         raise InputError(

@@ -3,7 +3,7 @@
     x_i(t_b) - x_i(t_a) = integral over (t_a, t_b) of f_i(x, c; coefficients) dt
 
 for the measured velocities x_i over windows, the states between samples on straight lines; of a vehicle that is held, the impulse of each
-measured force in place of the change of x_i. Forces are linear in all coefficients but added masses, and in gains, net weight, centre of
+measured force instead of the change of x_i. Forces are linear in all coefficients but added masses, and in gains, net weight, centre of
 buoyancy and drag of a tether, so few Gauss-Newton steps end it; noise in the states draws it aside, which a place to start from may be.
 """
 
@@ -41,7 +41,7 @@ def first_guess(
 ) -> dict[str, float]:
     """Return the coefficients that explain the measured velocities or forces of several trials, drawn to the means of their priors.
 
-    Unknowns of the vehicle beside them are among them where they have a prior.
+    Unknowns of the vehicle beside them are among them if they have a prior.
 
     Args:
         model: vehicle.
@@ -51,7 +51,7 @@ def first_guess(
         terms: coefficients that are not zero; None for all.
 
     Returns:
-        each coefficient inside the support of its prior; none where no velocity or force is measured, or where the motion has no end.
+        each coefficient inside the support of its prior; none if no velocity or force is measured, or where the motion has no end.
     """
     result = fit_motion(model, records, starts, priors, terms)
     return {name: _inside(value, priors[name]) for name, (value, _) in result.items()}
@@ -106,7 +106,7 @@ def turn_of_sensor(
         channels: of the sensor, of u, v, w or of p, q, r: two or three that move and are measured.
 
     Returns:
-        the best about any axis across which two of them lie; None where nothing can be fitted.
+        the best about any axis across which two of them lie; None if nothing can be fitted.
     """
     sought, rates = _sought(model, priors, None), _explained(model, [record])
     if not sought or not set(channels) <= {*rates} & {*model.states}:
@@ -192,7 +192,7 @@ def _fit(
     priors: Mapping[str, Prior],
     names: tuple[str, ...],
 ) -> _Fit | None:
-    """Return the coefficients that explain some motions; None where they tell too little, or where the fit has no end."""
+    """Return the coefficients that explain some motions; None if they tell too little, or where the fit has no end."""
     if not rates or not names:
         return None
     every = _names(model)

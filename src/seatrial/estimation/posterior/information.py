@@ -2,7 +2,7 @@
 
 Expected (Fisher) information of an output-error fit: I = sum_k S_k^T R^-1 S_k with S_k = dy_k/dc. It is minus the Hessian of
 the log-likelihood of data that are the simulation itself: every term with a residual in it then vanishes, so that what cannot
-be told apart has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
+be separated has no curvature to rounding. Other likelihoods give the observed information, minus their Hessian.
 
 The Hessian of a likelihood of records is the difference of exact gradients some millionths of a standard deviation apart: right to
 some 1e-5 of itself, with the one program that also climbs.
@@ -155,9 +155,9 @@ def coefficient_information(
         control: control held from each sample to the next; what is commanded under an autopilot.
         step: time to the next sample, s.
         start: state at the first sample.
-        weight: one over the standard deviation of each channel at each sample, SI; 0 where it is not measured.
+        weight: one over the standard deviation of each channel at each sample, SI; 0 if it is not measured.
         autopilot: that makes the controls, which are logged: given them, what it decides has no part in the slopes.
-        process: standard deviation that each state gains in one second, SI; None where the motion follows the model exactly.
+        process: standard deviation that each state gains in one second, SI; None if the motion follows the model exactly.
     """
     begin, advance = information_loop(model, channels, params, start, autopilot, process)
     columns = tuple(control[:, i] for i in range(control.shape[1]))
@@ -265,7 +265,7 @@ def _innovation_loop(
 
     Channels, whose noises are independent, are taken in one after the other (Maybeck 1979, section 7.4), so that S is a number.
     What S and K owe to the coefficients is left out. A motion that runs away, or drifts, is remembered as long as the filter does, and
-    not for ever: without process noise the slopes of an unstable vehicle grow without bound.
+    not without end: without process noise the slopes of an unstable vehicle grow without bound.
     """
     names = tuple(coefficient.text for coefficient in model.coefficients)
     point = jnp.stack([jnp.asarray(params[name], float) for name in names])

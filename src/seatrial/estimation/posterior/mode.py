@@ -1,6 +1,6 @@
 """The fast answer: posterior mode by trust-region Newton, and the normal approximation there.
 
-A likelihood of records is climbed with its information in place of second derivatives (Gauss and Newton's method), and expanded exactly
+A likelihood of records is climbed with its information instead of second derivatives (Gauss and Newton's method), and expanded exactly
 at the mode alone.
 """
 
@@ -79,7 +79,7 @@ class Mode(NamedTuple):
 
     Attributes:
         z: mode, shape (d,).
-        precision: negative Hessian of the log posterior density, shape (d, d); along a delay, what its profile is worth.
+        precision: negative Hessian of the log posterior density, shape (d, d); along a delay, that of its profile.
         cov: its inverse, shape (d, d).
         log_density: unnormalised log posterior density at the mode.
         log_evidence: Laplace approximation of the log evidence.
@@ -88,7 +88,7 @@ class Mode(NamedTuple):
         flat: whether a direction had no curvature, so that its variance was set to the prior's.
         names: of the parameters.
         units: theirs, SI.
-        at_bounds: findings about those that lie at a bound of their prior.
+        at_bounds: findings about parameters at a bound of their prior.
     """
 
     z: Annotated[Float[np.ndarray, " d"], AS_LIST]
@@ -110,7 +110,7 @@ class Mode(NamedTuple):
 
     @property
     def scale(self) -> Float[np.ndarray, "d d"]:
-        """Lower triangle L of the covariance L L', also where rounding has made the covariance singular."""
+        """Lower triangle L of the covariance L L', also if rounding makes the covariance singular."""
         values, vectors = np.linalg.eigh(self.cov)
         return triangular_root(vectors * np.sqrt(np.maximum(values, np.finfo(float).tiny)))
 
@@ -175,8 +175,8 @@ def find_mode(
 ) -> Mode:
     """Maximise the posterior density from the best of many prior draws, and from the best of them moved to the posterior's guess.
 
-    Commands are held or joined by straight lines between their samples, so that the density has a peak about every one of them along a
-    delay. The delay is therefore looked through over its prior before the highest peak is taken, and its standard deviation is that of
+    Commands are steps or lines between their samples, so that the density has a peak about every one of them along a
+    delay. The delay is therefore scanned over its prior before the highest peak is taken, and its standard deviation is that of
     the profile over all of them.
 
     Args:
@@ -226,14 +226,14 @@ def find_mode(
 
 
 def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]) -> Mode | None:
-    """Return a mode that is higher than the one known, above a mode of another structure; None where there is none.
+    """Return a mode that is higher than the one known, above a mode of another structure; None if there is none.
 
     A structure that contains another has at least the density of the other's mode with its further terms at zero. That place is
     therefore looked at, and the best of all such places are climbed from.
 
     Args:
         posterior: of one structure.
-        known: its highest mode known, None where none is.
+        known: its highest mode known, None if none is.
         others: modes of structures that share parameters with it, of the same names.
     """
     starts = np.concatenate([np.empty((0, posterior.dim)), *(completed(posterior, one) for one in others)])
@@ -425,7 +425,7 @@ def _ridge(mode: Mode, at: int, to: Float[np.ndarray, " n"]) -> Float[np.ndarray
 
 
 def _higher_peak(posterior: Posterior, mode: Mode, at: int, rough: bool) -> Mode | None:
-    """Follow the highest peaks along one component, near the mode and over the whole prior; None where none is higher."""
+    """Follow the highest peaks along one component, near the mode and over the whole prior; None if none is higher."""
     reach = NEAR * np.sqrt(mode.cov[at, at])
     near = mode.z[at] + np.linspace(-reach, reach, AT_ONCE)
     points = _ridge(mode, at, np.sort(np.concatenate([near, np.linspace(-FARTHEST, FARTHEST, AT_ONCE)])))
@@ -470,7 +470,7 @@ def _with_profile(posterior: Posterior, mode: Mode, at: int) -> Mode:
 
 
 def _inside(posterior: Posterior, values: Mapping[str, float]) -> np.ndarray:
-    """Return where parameters have such values, shape (1, d), in the middle of the prior where one is not told; none where one has no
+    """Return where parameters have such values, shape (1, d), in the middle of the prior where one is not told; none if one has no
     place."""
     z = _moved_inside(posterior, np.array([[values.get(name, np.nan) for name in posterior.names]]))
     return z[np.isfinite(z).all(1)]
@@ -491,7 +491,7 @@ def _best(densities: np.ndarray) -> np.ndarray:
 
 
 def _guessed(posterior: Posterior, candidates: np.ndarray) -> np.ndarray:
-    """Return the best candidate with what the posterior guesses in place of what was drawn, shape (1, d); none without a guess."""
+    """Return the best candidate with what the posterior guesses instead of what was drawn, shape (1, d); none without a guess."""
     if posterior.guess is None or np.isnan(posterior.guess).all():
         return candidates[:0]
     known = ~np.isnan(posterior.guess)
@@ -781,8 +781,8 @@ def maximise(
         )
     except np.linalg.LinAlgError as error:
         raise NumericalError(
-            f"the posterior density has no maximum that can be computed: its curvature breaks down near {words(latest)}, where the "
-            "density may rise without bound. Write parameters that share a spread as mean + spread * z, or bound the spread away from 0"
+            f"the maximum of the posterior density cannot be computed: its curvature is not finite near {words(latest)}, and the density "
+            f"may rise without bound there. Write parameters that share a spread as mean + spread * z, or bound the spread away from 0"
         ) from error
     return reached[0] if reached else (result.x, -float(result.fun))
 

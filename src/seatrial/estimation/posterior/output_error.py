@@ -299,8 +299,8 @@ def output_error(
         raise InputError(
             "trials fitted jointly",
             found="labels " + ", ".join(f'"{label}"' for label in labels),
-            expected="a label of its own for each trial",
-            remedy="rename the records: initial states are told apart by these labels",
+            expected="a different label for each trial",
+            remedy="rename the records: the labels identify initial states",
         )
     data = stack_trials(records, model, [sensor.channel for sensor in chosen], initial)
     late = samples_remembered(chosen, min(float(np.diff(record.time).min()) for record in records))
@@ -335,7 +335,7 @@ def _check_current(model: VehicleModel, sensors: Sequence[Sensor]) -> None:
             "parameter current",
             found="no speed over ground among the channels",
             expected="a sensor of u over ground, such as a Doppler log with bottom track",
-            remedy="estimate without a current: nothing measured shows it",
+            remedy="estimate without a current: no measurement shows it",
         )
     if any(sensor.bias for sensor in shown):
         raise InputError(

@@ -59,14 +59,14 @@ class Parameter:
 class Posterior:
     """Prior and likelihood, kept apart because tempering needs both. A pytree: the priors' numbers and the data are its leaves.
 
-    Posteriors that differ in units, printed names and labels of trials alone share all that is compiled.
+    Posteriors that differ only in units, printed names and labels of trials share all compiled code.
 
     Attributes:
         parameters: the unknowns, in the order of the vector z.
         likelihood: `likelihood(values, data)`, values by name in SI; -inf where the model diverges, never NaN.
-        data: arrays the likelihood needs.
-        guess: parameters near which there may be a mode, SI, NaN where nothing is guessed, shape (d,); None for no guess at all.
-        present: 1 for each parameter that the structure has, 0 for one that is absent, shape (d,); None where all are present.
+        data: arrays for the likelihood.
+        guess: parameters of a possible mode, SI, NaN without a guess, shape (d,); None for no guess at all.
+        present: 1 for each parameter that the structure has, 0 for one that is absent, shape (d,); None if all are present.
     """
 
     parameters: tuple[Parameter, ...]
@@ -83,18 +83,18 @@ class Posterior:
         records = (
             f"record{'s' * (len(labels) > 1)} {of}, measured {', '.join(self.likelihood.channels)}" if labels else ""
         )
-        return f"Posterior of {named}; " + (records or "a log density of one's own")
+        return f"Posterior of {named}; " + (records or "log density of the user")
 
     _repr_html_ = text_html
 
     def tree_flatten(self) -> tuple[tuple[Any, ...], tuple[LogLikelihood, tuple[str, ...]]]:
-        """Return the numbers, and what is fixed in compiled code."""
+        """Return the numbers, and the parts that are fixed in compiled code."""
         priors = tuple(parameter.prior for parameter in self.parameters)
         return (priors, self.data, self.guess, self.present), self._fixed
 
     @classmethod
     def tree_unflatten(cls, fixed: tuple[LogLikelihood, tuple[str, ...]], numbers: tuple[Any, ...]) -> "Posterior":
-        """Put one together inside compiled code, where trials are numbered, and parameters have no texts."""
+        """Build one inside compiled code, with numbered trials and parameters without texts."""
         (likelihood, names), (priors, *rest) = fixed, numbers
         parameters = tuple(Parameter(name, "", "", prior) for name, prior in zip(names, priors, strict=True))
         return cls(parameters, likelihood, *rest)
@@ -138,16 +138,16 @@ class Posterior:
 
     @program
     def constrain(self, z: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Return the parameter values, SI, of unconstrained vectors; 0 for what is absent."""
+        """Return the parameter values, SI, of unconstrained vectors; 0 for absent ones."""
         return self._where_present(self._by_kind(lambda prior, x: prior.constrain(x), z), 0.0)
 
     @program
     def unconstrain(self, values: Float[Array, "*batch d"]) -> Float[Array, "*batch d"]:
-        """Return the unconstrained vectors of parameter values inside the support; 0 for what is absent."""
+        """Return the unconstrained vectors of parameter values inside the support; 0 for absent ones."""
         return self._where_present(self._by_kind(lambda prior, x: prior.unconstrain(x), values), 0.0)
 
     def log_prior(self, z: Float[Array, " d"]) -> Float[Array, ""]:
-        """Return the log prior density of z, the log-Jacobian included; standard normal in what is absent."""
+        """Return the log prior density of z, including the log-Jacobian; standard normal in absent parameters."""
         return self.log_priors(z).sum()
 
     def log_priors(self, z: Float[Array, " d"]) -> Float[Array, " d"]:
@@ -199,7 +199,7 @@ class _OfValues:
 
 
 def check_priors(priors: Mapping[str, Prior], place: str = "priors") -> None:
-    """Refuse what is no prior, or has no spread.
+    """Refuse values that are no prior, or have no spread.
 
     Args:
         priors: by parameter.
@@ -235,7 +235,7 @@ def posterior_of_density(
         log_density: log density of the data for parameter values by name, in the priors' units; a scalar, written with `jax.numpy` so
             that it can be compiled and differentiated. The priors are added here.
         priors: one for each parameter, in the order of the report.
-        units: of the parameters, for tables; "1" where not given.
+        units: of the parameters, for tables; "1" if not given.
 
     Returns:
         a posterior whose parameters have the names of the priors.
@@ -330,7 +330,7 @@ def _check_density(log_density: Callable[[dict[str, Any]], Any], names: tuple[st
             where,
             found=f"code that cannot be compiled: {str(cause).splitlines()[0]}",
             expected="a function of traced numbers",
-            remedy="use jax.numpy in place of numpy, and jnp.where in place of if",
+            remedy="use jax.numpy instead of numpy, and jnp.where instead of if",
         ) from cause
     if getattr(shape, "shape", None) != ():
         raise InputError(

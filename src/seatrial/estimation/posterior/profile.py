@@ -197,7 +197,7 @@ def _follow(problem: Slope, best: Maxima, chosen: Sequence[int]) -> list[_Path]:
 
 
 def _bracket(path: _Path) -> tuple[_Point, _Point | None]:
-    """Return the last point before the crossing and the first beyond it, None where there is none yet."""
+    """Return the last point before the crossing and the first beyond it, None if there is none yet."""
     beyond = next((k for k, point in enumerate(path.points) if point.root > CROSSING), None)
     return (path.points[-1], None) if beyond is None else (path.points[beyond - 1], path.points[beyond])
 

@@ -65,8 +65,8 @@ class Profile:
         low, high = self.bounds
         if self.kind == "flat":
             return (
-                f"{self.name}: the profile likelihood is flat, no value from {low:.4g} to {high:.4g}{unit} can be ruled out; "
-                "fix it, or run a trial that excites it"
+                f"{self.name}: the profile likelihood is flat and excludes no value from {low:.4g} to {high:.4g}{unit}; fix it, or run a "
+                f"trial that excites it"
             )
         end, inside = (
             (f"below {self.upper:.4g}", low) if self.kind == "open below" else (f"above {self.lower:.4g}", high)

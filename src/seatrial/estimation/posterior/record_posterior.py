@@ -49,26 +49,26 @@ def make_posterior(
     starts_over_ground: bool | None = None,
     own: Sequence[str] = (),
 ) -> Posterior:
-    """Build the posterior of everything that has a prior, given one record or several that are fitted jointly.
+    """Build the posterior of all unknowns with a prior, given one record or several that are fitted jointly.
 
     Args:
         model: vehicle; its coefficients are unknown, all others are part of it.
-        records: trials, each with a label of its own.
+        records: trials, each with a different label.
         priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
             sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
-            trial has of its own may have a prior of its own, as `u_0[trial]`. The slow part of a noise that drifts has usual priors where
+            trial has of its own may have a separate prior, as `u_0[trial]`. The slow part of a noise that drifts has usual priors where
             none is stated (`slow_noise_priors`).
-        sensors: measured channels; a name alone is a sensor of white noise. All channels of the first record where not given.
-        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value. Or the
+        sensors: measured channels; a name means a sensor of white noise. All channels of the first record if not given.
+        start: state at the first sample, if it is known better than by its first measurement; signal name to SI value. Or the
             whole state of each record, SI, in the order of the states of the vehicle, shape (records, n_states).
-        start_sd: where a filter is used, how well each state is known at the start, SI; where not given, as well as its sensor's noise is
+        start_sd: where a filter is used, how well each state is known at the start, SI; if not given, as well as its sensor's noise is
             large by the mean of its prior, and 1 for a state that nothing measures.
-        starts_over_ground: whether the surge velocity at the start is over ground; through the water where `start` states it, and over
-            ground where it is measured, if nothing is given.
-        own: unknowns of which each trial has its own, such as `bias_u` or `current`.
+        starts_over_ground: whether the surge velocity at the start is over ground; by default through the water if `start` states it,
+            else over ground.
+        own: unknowns with a separate value for each trial, such as `bias_u` or `current`.
 
     Returns:
-        a posterior whose parameters have the names of the priors; those of one trial end in its label, as `u_0[trial]`.
+        a posterior with parameters named as the priors; those of one trial end in its label, as `u_0[trial]`.
 
     Raises:
         InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
@@ -191,7 +191,7 @@ def sensors_of(
     if not measured:
         raise InputError(
             f'record "{records[0].label}"',
-            found="no channel that the vehicle has",
+            found="no channel of the vehicle",
             expected="one of " + ", ".join(known),
             remedy="measure one of them, or choose another vehicle",
         )

@@ -72,7 +72,7 @@ def simulate(
             them), SI; also `delay`, `current`, `process_u`, and `disturbance_X` with `disturbance_time_X` where they are to be.
         schedule: controls over time, SI, and set-points of an autopilot.
         sensors: measured channels; a name alone is a sensor of white noise.
-        feedback: an autopilot or a relay, which decides the controls at each sample; the schedule does where not given.
+        feedback: an autopilot or a relay, which decides the controls at each sample; the schedule does if not given.
         start: state at the first sample, signal name to SI value; velocities are needed, angles and positions begin at 0. Or the whole
             state, SI, in the order of the states of the vehicle.
         rates: samples a second of sensors that are slower than the schedule, by channel, 1/s.
@@ -137,11 +137,11 @@ def simulate_trial(
     keys: Sequence[Array],
     feedback: Pilot | None = None,
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    """Return every command and what every sensor shows of a trial, SI, NaN where it does not measure.
+    """Return every command and what every sensor shows of a trial, SI, NaN if it does not measure.
 
     Args:
         simulator: vehicle and sensors.
-        values: of all parameters, SI, those of process noise and disturbances among them where they are to be.
+        values: of all parameters, SI, those of process noise and disturbances among them if they are to be.
         time: of each sample, s.
         commands: every control of the vehicle, then what else a pilot is given, SI, each of shape (n,).
         start: state at the first sample, SI.
@@ -174,11 +174,11 @@ def simulate_trial(
     for sensor, column in zip(sensors, exact.T, strict=True):
         if not np.isfinite(column).all():
             raise NumericalError(
-                f"the simulated vehicle runs away: {sensor.channel} is no number from {time[np.argmin(np.isfinite(column))]:g} s on; "
+                f"the simulated vehicle diverges: {sensor.channel} is no number from {time[np.argmin(np.isfinite(column))]:g} s on; "
                 "check the signs of the damping: negative coefficients dissipate"
             )
     if not np.isfinite(end).all():
-        raise NumericalError(f"the simulated vehicle runs away after {time[-1]:g} s")
+        raise NumericalError(f"the simulated vehicle diverges after {time[-1]:g} s")
     return {
         **commands,
         **{one.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, one in enumerate(sensors)},
@@ -293,7 +293,7 @@ def _check_feedback(feedback: Autopilot | Relay, model: VehicleModel, channels: 
             "feedback",
             found=f"a pilot that feeds {', '.join(feedback.outputs)} back and drives {', '.join(drives)}",
             expected=f"sensors {', '.join(channels)} and controls {', '.join(model.controls)}",
-            remedy="measure what is fed back, and name every control of the vehicle in its order",
+            remedy="measure the channels that are fed back, and name every control of the vehicle in its order",
         )
 
 
@@ -323,7 +323,7 @@ def simulate_motion(
             f'record "{record.label}"',
             found=f"the controls {', '.join(record.controls)}",
             expected=f"{missing[0]} among them, which drives the vehicle",
-            remedy="add it to the record, held at one value if it did not act",
+            remedy="add it to the record, constant if it did not act",
         )
     control = jnp.asarray(np.column_stack([record.channel(name) for name in model.controls]))
     step = np.diff(record.time, append=record.time[-1])
@@ -339,7 +339,7 @@ def _control(schedule: Schedule, name: str) -> np.ndarray:
             "schedule",
             found="the controls " + ", ".join(schedule.controls),
             expected=f"{name} among them, which drives the vehicle",
-            remedy="add it, held at one value where it is not to act",
+            remedy="add it, constant if it does not act",
         )
     return schedule.controls[name]
 
@@ -351,7 +351,7 @@ def _blank(
     rates: Mapping[str, float],
     label: str,
 ) -> Record:
-    """Return a record without measurements: zeros where each sensor gives a sample."""
+    """Return a record without measurements: zeros if each sensor gives a sample."""
     channels = [Channel(name, signal_unit(name), "control") for name in controls]
     columns = []
     for name in (sensor.channel for sensor in sensors):

@@ -52,7 +52,7 @@ class Unknown(NamedTuple):
         unit: SI.
         label: LaTeX.
         signed: whether it may be below 0.
-        default: prior where none is stated; None where one has to be.
+        default: prior where none is stated; None if one has to be.
         why: the assumption that makes it unknown, in words; empty of a coefficient.
         is_initial: whether it is a state at the start, of which each trial has its own.
     """

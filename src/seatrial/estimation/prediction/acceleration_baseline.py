@@ -3,7 +3,7 @@
     dnu_i/dt = f_i(x, c; 0) + sum_k theta_k df_i/dtheta_k (x, c)
 
 at every sample, with x and dnu/dt of the measured signals smoothed (`regression/accelerations.py`), each axis weighed by what is left
-of it; one step of Gauss and Newton ends it where the equations are linear in the coefficients, a few where added mass is among them.
+of it; one step of Gauss and Newton ends it if the equations are linear in the coefficients, a few where added mass is among them.
 It uses no priors and no delay. Noise in the states draws it aside, and nothing makes what it fits a stable vehicle: that is what a
 baseline is for.
 """
@@ -51,7 +51,7 @@ def _check_runs(model: VehicleModel, records: Sequence[Record], channels: Sequen
         raise cannot_be_fitted("the vehicle has no free coefficient")
     shown = model.channel_units()
     if not any(channel in shown for channel in channels):
-        raise cannot_be_fitted(f"the vehicle shows none of the channels {', '.join(channels)}")
+        raise cannot_be_fitted(f"the vehicle has none of the channels {', '.join(channels)}")
     for state in (one for one in model.states if one in RATES):
         for record in records:
             count = int(np.isfinite(record.channel(state)).sum()) if state in record.measured else 0
@@ -112,7 +112,7 @@ def _least_squares(model: VehicleModel, phi: np.ndarray, y: np.ndarray) -> np.nd
     size = np.linalg.norm(phi, axis=0)
     names = [term.text for term in model.coefficients]
     if (size == 0).any():
-        raise NumericalError(f"nothing in these runs shows {names[int(np.argmin(size))]}")
+        raise NumericalError(f"these runs do not show {names[int(np.argmin(size))]}")
     result, _, rank, _ = np.linalg.lstsq(phi / size, y, rcond=1e-9)
     if rank < len(names):
         raise NumericalError(f"these runs show only combinations of {', '.join(names)}")
@@ -120,7 +120,7 @@ def _least_squares(model: VehicleModel, phi: np.ndarray, y: np.ndarray) -> np.nd
 
 
 def _motion(model: VehicleModel, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return states, shape (n, s), rates of the velocities, NaN where they are not known, shape (n, v), and controls of one run."""
+    """Return states, shape (n, s), rates of the velocities, NaN if they are not known, shape (n, v), and controls of one run."""
     states, rates = [], []
     turned = _attitude(record)
     for name in model.states:
@@ -178,7 +178,7 @@ def _linearised(
 def _simulated(
     model: VehicleModel, params: dict[str, float], channels: tuple[str, ...], record: Record, start: int
 ) -> np.ndarray:
-    """Return the channels of the simulated vehicle, from what is measured first at or after `start`; all NaN where nothing is."""
+    """Return the channels of the simulated vehicle, from what is measured first at or after `start`; all NaN if nothing is."""
     means = np.full((record.time.size, len(channels)), np.nan)
     later = replace(
         record, time=record.time[start:], control=record.control[start:], measurement=record.measurement[start:]

@@ -22,7 +22,7 @@ MIN_RUNS = 3  # Runs from which their own spread says what chance does
 
 
 class Run(NamedTuple):
-    """One channel of one held-back run: time, s, and measurements, NaN where there is none, SI; both of shape (n,)."""
+    """One channel of one held-back run: time, s, and measurements, NaN if there is none, SI; both of shape (n,)."""
 
     time: Float[np.ndarray, " n"]
     measured: Float[np.ndarray, " n"]

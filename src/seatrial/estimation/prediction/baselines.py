@@ -134,9 +134,7 @@ class Baseline:
 
 def cannot_be_fitted(reason: str) -> InputError:
     """Return the refusal to fit a baseline to some runs."""
-    return InputError(
-        "runs", found=reason, expected="runs to which it can be fitted", remedy="choose others, or another one"
-    )
+    return InputError("runs", found=reason, expected="runs that allow a fit", remedy="choose others, or another one")
 
 
 def fit_baselines(
@@ -316,7 +314,7 @@ def _of_laws(
 
 
 def _measured(record: Record, channel: str) -> np.ndarray:
-    """Return a measured channel, all NaN where the record lacks it."""
+    """Return a measured channel, all NaN if the record lacks it."""
     return record.channel(channel) if channel in record.measured else np.full(record.time.size, np.nan)
 
 
@@ -332,7 +330,7 @@ def _runs(records: Sequence[Record], channel: str, controls: Sequence[str]) -> l
 
 
 def _first(record: Record, channel: str, start: int) -> float:
-    """Return the first measurement at or after a sample, NaN where there is none."""
+    """Return the first measurement at or after a sample, NaN if there is none."""
     later = _measured(record, channel)[start:]
     known = later[np.isfinite(later)]
     return float(known[0]) if known.size else np.nan
@@ -377,6 +375,6 @@ def _check_driving(records: Sequence[Record], controls: Sequence[str]) -> None:
     """Refuse controls that cannot drive anything."""
     for name in controls:
         if any(not np.isfinite(one.channel(name)).all() for one in records):
-            raise cannot_be_fitted(f"{name} has gaps, and what drives the vehicle must be known at every sample")
+            raise cannot_be_fitted(f"{name} has gaps, but an input must be known at every sample")
     if not _moving(records, controls):
         raise cannot_be_fitted("no control moves in the runs that are fitted")

@@ -145,7 +145,7 @@ def without_numbers(verdict: Finding, runs: int) -> Pooled:
 
 
 def worst(findings: Sequence[Finding]) -> Finding:
-    """Return the gravest finding of a trial's channels, the first of them where several are as grave."""
+    """Return the gravest finding of a trial's channels, the first of them if several are as grave."""
     return max(findings, key=lambda one: LEVELS.index(FIT_LEVELS[one.level]))
 
 

@@ -21,7 +21,7 @@ class Outside(NamedTuple):
     Attributes:
         name: of the signal.
         is_above: whether it goes above the range, and not below it.
-        furthest: its value farthest from the range, SI.
+        furthest: its value most distant from the range, SI.
         edge: end of the range on that side, SI.
         width: of the range, SI.
     """

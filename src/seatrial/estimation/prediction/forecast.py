@@ -93,7 +93,7 @@ class Forecast:
 
     @property
     def measured(self) -> Float[np.ndarray, "k h m"]:
-        """What was measured, SI, NaN where nothing was, or beyond the end of the record."""
+        """What was measured, SI, NaN if nothing was, or beyond the end of the record."""
         columns = np.column_stack([self.record.channel(name) for name in self.channels])
         rows = self.begins[:, None] + np.arange(1, self.mean.shape[1] + 1)
         return np.where((rows < len(columns))[..., None], columns[np.minimum(rows, len(columns) - 1)], np.nan)
@@ -192,7 +192,7 @@ def make_forecaster(
         posterior: of the records that were fitted.
         draws: of it; or those of each parameter by name, SI.
         horizon: how far ahead forecasts are to be good, s.
-        first_sd: how well each state is known at the start of a record, SI; where not given, as `UNSEEN_SD`.
+        first_sd: how well each state is known at the start of a record, SI; if not given, as `UNSEEN_SD`.
         others: other estimates of the coefficients, SI, by name: their forecasts are weighed beside those of the draws.
     """
     table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))

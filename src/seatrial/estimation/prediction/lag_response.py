@@ -30,7 +30,7 @@ LONGEST = 10.0  # Longest time constant, in lengths of the longest run: an integ
 
 
 class Run(NamedTuple):
-    """One channel of one run and the controls that move it: time, s, shape (n,); controls (n, k); measurements (n,), NaN where none."""
+    """One channel of one run and the controls that move it: time, s, shape (n,); controls (n, k); measurements (n,), NaN if none."""
 
     time: Float[np.ndarray, " n"]
     control: Float[np.ndarray, "n k"]

@@ -33,7 +33,7 @@ class Motion(NamedTuple):
 
     Attributes:
         state: about which it is linear, shape (samples, ..., n).
-        moved: where that is one step later, shape (samples, ..., n).
+        moved: if that is one step later, shape (samples, ..., n).
         by_state: slopes of that by the state, shape (samples, ..., n, n).
         by_force: by the mean force over the step, shape (samples, ..., n, a).
         shown: what the sensors show, shape (samples, ..., m).
@@ -104,7 +104,7 @@ def without_memory(simulator: Simulator) -> Simulator:
 
 
 def shown_by(data: TrialData) -> Float[np.ndarray, "n trials 1 m"]:
-    """Return what was measured, NaN where nothing was."""
+    """Return what was measured, NaN if nothing was."""
     columns = [np.where(one.present > 0, one.measured, np.nan) for one in data.channels]
     return np.stack(columns, -1).swapaxes(0, 1)[:, :, None]
 
@@ -243,7 +243,7 @@ def follow(
     Args:
         motion: of trials, shapes (samples, trials, 1, ...).
         errors: of rows of parameters, shapes (samples, trials, rows, ...).
-        measured: NaN where nothing was.
+        measured: NaN if nothing was.
         starts: mean of each trial's state at its first sample, SI.
         initial_sd: standard deviation of that, SI.
         begins: samples.

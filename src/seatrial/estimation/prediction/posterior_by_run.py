@@ -87,7 +87,7 @@ class RunPosteriors:
 
     @property
     def is_by_block(self) -> bool:
-        """Whether blocks of time are left out in place of runs."""
+        """Whether blocks of time are left out instead of runs."""
         return len(self.folds) != len(self.joint.likelihood.labels)
 
 
@@ -132,9 +132,9 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
     if not isinstance(likelihood, OutputError | FilterError):
         raise InputError(
             "posterior",
-            found="a log density of one's own",
+            found="your log density",
             expected="a posterior of records, of `make_posterior`",
-            remedy="sum the log densities of the runs one by one yourself",
+            remedy="compute the log density of each run by your function",
         )
     of = [name.partition("[")[2].removesuffix("]") for name in posterior.names]
     shared = np.array([i for i, label in enumerate(of) if not label], int)

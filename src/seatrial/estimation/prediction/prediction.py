@@ -46,15 +46,15 @@ class Prediction:
     """A record as draws of a posterior predict it; n samples, m channels.
 
     Attributes:
-        record: what was predicted.
+        record: the predicted one.
         channels: measured channels, in the order of the columns.
         mean: SI, shape (n, m).
-        motion_sd: standard deviation of the motion, for the parameters are uncertain, SI, shape (n, m).
+        motion_sd: standard deviation of the motion from uncertain parameters, SI, shape (n, m).
         noise_sd: of each sensor's noise, SI, shape (m,).
-        slow: what is slow in each sensor's noise; None where it is white.
+        slow: the slow part of the noise of each sensor; None if it is white.
         coefficient_sd: the part of `motion_sd` that is not process noise, SI, shape (n, m).
         likelihood: that simulated.
-        values: mean of each parameter, SI, those of the trial alone under the label `ANY_TRIAL`.
+        values: mean of each parameter, SI; those of only this trial have the label `ANY_TRIAL`.
     """
 
     record: Record
@@ -74,7 +74,7 @@ class Prediction:
 
     @property
     def measured(self) -> Float[np.ndarray, "n m"]:
-        """Measurements of the record, SI, NaN where there is none."""
+        """Measurements of the record, SI, NaN if there is none."""
         return np.column_stack([self.record.channel(name) for name in self.channels])
 
     @property
@@ -151,9 +151,9 @@ def predict(
         posterior: of the records that were fitted.
         draws: of it; or those of each parameter by name, SI.
         record: one of these, or another one. What only its own trial would tell, such as its own bias, is drawn from its prior.
-        start: state at the first sample, as far as it is known better than by its first measurement; signal name to SI value. Or the
+        start: state at the first sample, if it is known better than by its first measurement; signal name to SI value. Or the
             whole state, SI, in the order of the states of the vehicle.
-        first_sd: how well each state is known at the start of a record that was not fitted, where starts are unknown, SI; where not
+        first_sd: how well each state is known at the start of a record that was not fitted, where starts are unknown, SI; if not
             given, as well as its sensor measures it.
         n: draws that are simulated, at most.
         key: random key, or a seed.
@@ -226,7 +226,7 @@ def replicate_record(
     Arguments and errors as those of `predict`.
 
     Returns:
-        measurements of every channel at the times of the record, SI; 0 where the record has none.
+        measurements of every channel at the times of the record, SI; 0 if the record has none.
     """
     key = as_key(key)
     alone, values = posterior_of_record(posterior, draws, record, start, None, n, key)
@@ -252,7 +252,7 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
 
 
 def slow_noise(sensor: Sensor, values: Mapping[str, Any]) -> SlowNoise | None:
-    """Return what is slow in a sensor's noise, medians over draws; None where nothing is."""
+    """Return what is slow in a sensor's noise, medians over draws; None if nothing is."""
     match sensor.noise:
         case "white" | "heavy":
             return None
@@ -311,9 +311,9 @@ def posterior_of_record(
     if not isinstance(likelihood, OutputError | FilterError):
         raise InputError(
             "posterior",
-            found="a log density of one's own",
+            found="your log density",
             expected="a posterior of records, of `make_posterior`",
-            remedy="simulate with the draws themselves",
+            remedy="simulate with the draws by your function",
         )
     table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))
     shared = [name for name in posterior.present_names if "[" not in name]

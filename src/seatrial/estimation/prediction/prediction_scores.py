@@ -66,7 +66,7 @@ class PredictedRun(NamedTuple):
 
     Attributes:
         time: s, strictly increasing, shape (n,).
-        measured: SI, NaN where nothing was measured, shape (n,).
+        measured: SI, NaN if nothing was measured, shape (n,).
         mean: predicted, SI, shape (n,).
         motion_sd: standard deviation of the prediction without noise, SI, shape (n,).
         noise_sd: standard deviation of the noise, SI.
@@ -88,7 +88,7 @@ class LongRunVariance(NamedTuple):
 
     Attributes:
         ratio: over its nominal value, the one of white residuals of the same mean square.
-        p_value: probability that white noise shows as large a V(q); 1 where there is nothing to test.
+        p_value: probability that white noise shows as large a V(q); 1 if there is nothing to test.
     """
 
     ratio: float
@@ -154,7 +154,8 @@ class Score:
         if self.missing:
             return f"Score: {self.samples} samples; {self.missing}"
         return (
-            f"Score: {self.samples} samples, worth {self.effective:.0f} independent ones; {self.explained:.1%} of the variance explained; "
+            f"Score: {self.samples} samples, as informative as {self.effective:.0f} independent ones; {self.explained:.1%} of the "
+            f"variance explained; "
             f"rmse {self.rmse:.3g}; {self.coverage:.0%} inside the 90 % band"
         )
 
@@ -308,7 +309,7 @@ def score_channel(runs: Sequence[PredictedRun]) -> Score:
 def new_residuals(
     time: Float[np.ndarray, " n"], z: Float[np.ndarray, " n"], slow: SlowNoise | None
 ) -> Float[np.ndarray, " n"]:
-    """Return what is new in normalised residuals, white where the noise is as it is modelled; all of them where that is white."""
+    """Return what is new in normalised residuals, white where the noise is as it is modelled; all of them if that is white."""
     return z if slow is None else _innovations(time, z, slow)
 
 

@@ -66,7 +66,7 @@ def short_horizons(
         start: state at the first sample, SI.
 
     Returns:
-        the scores of each sensor's channel that moves; empty where the horizon has too few samples.
+        the scores of each sensor's channel that moves; empty if the horizon has too few samples.
     """
     channels = forecaster.posterior.likelihood.channels
     measured = np.column_stack([record.channel(channel) for channel in channels])
@@ -139,7 +139,7 @@ def growth_rate(model: VehicleModel, values: Params, record: Record) -> float:
 
 
 def _squares(one: Forecast, measured: Float[np.ndarray, "n m"], column: int) -> tuple[float, float]:
-    """Return the mean squares of the errors of a forecast, infinite where it runs away, and of holding the measured value."""
+    """Return the mean squares of the errors of a forecast, infinite if it runs away, and of holding the measured value."""
     later, ahead = one.measured[..., column], one.mean[..., column]
     there = np.isfinite(later)
     left = np.where(np.isfinite(ahead), later - ahead, np.inf)[there]

@@ -14,7 +14,7 @@ from seatrial.core.argument_checks import check_number, check_order, is_traced
 
 CORNER = 200.0  # Sharpness of the bend where the box map leaves the line: within 1/200 of the width of a bound
 BEND_LENGTH = sqrt(12.0) / CORNER  # Of z, over which it bends
-_GIVE_BOUNDS = "give the smallest and the largest value you would believe"
+_GIVE_BOUNDS = "give the smallest and the largest plausible value"
 
 
 @compiled_tree()
@@ -108,9 +108,7 @@ class LogUniform:
     def __post_init__(self) -> None:
         """Refuse bounds with nothing between them."""
         if not is_traced(self.lower, self.upper):
-            check_number(
-                self.lower, "LogUniform prior, lower", above=0.0, remedy="give the smallest size that can matter"
-            )
+            check_number(self.lower, "LogUniform prior, lower", above=0.0, remedy="give the smallest relevant size")
             check_order(self.lower, self.upper, "LogUniform prior", remedy=_GIVE_BOUNDS)
 
     @property
@@ -159,7 +157,7 @@ class LogUniform:
 
 
 def straightened(z: Float[np.ndarray, "*batch d"], edges: Float[np.ndarray, "d 2"]) -> Float[np.ndarray, "*batch d"]:
-    """Return z on the straight lines that the maps of the priors bend into the bounds; as it is where there are no edges."""
+    """Return z on the straight lines that the maps of the priors bend into the bounds; as it is if there are no edges."""
     line = np.array(z, float)
     for place in np.flatnonzero(np.isfinite(edges).any(1)):
         low, high = edges[place]

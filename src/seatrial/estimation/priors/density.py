@@ -120,8 +120,8 @@ def prior_of_density(log_pdf: Callable[[Any], Any], lower: float, upper: float) 
             raise InputError(
                 place,
                 found=f"a density without a finite total between {lower:g} and {upper:g}",
-                expected="a log density that is a number, or -inf where a value is impossible",
-                remedy=f"look at what {shown(log_pdf)} gives between the bounds",
+                expected="a log density that is a number, or -inf for an impossible value",
+                remedy=f"look at the values of {shown(log_pdf)} between the bounds",
             )
         if not sd > 0:
             break
@@ -130,7 +130,7 @@ def prior_of_density(log_pdf: Callable[[Any], Any], lower: float, upper: float) 
             place,
             found=f"a density that is much narrower than {lower:g} to {upper:g}, or has a jump",
             expected="one that varies slowly over a thousandth of its standard deviation",
-            remedy="move the bounds to where the density is",
+            remedy="move the bounds to the density",
         )
     return DensityPrior(TruncatedNormal(mean, sd, lower, upper, mean, sd, 0.0), log_total, log_pdf)
 

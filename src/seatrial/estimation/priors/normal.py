@@ -11,7 +11,7 @@ from seatrial.compiled.pytrees import compiled_tree
 from seatrial.core.argument_checks import check_number, is_traced
 from seatrial.core.errors import InputError
 
-GIVE_BELIEF = "give what you would believe; a coefficient that is known is fixed in the vehicle instead"
+GIVE_BELIEF = "give a plausible value; fix a known coefficient in the vehicle instead"
 # Logarithm of the largest multiple of its median that a log-normal gives: e^600 is near the end of double precision.
 MAX_LOG_RATIO = 600.0
 
@@ -96,10 +96,10 @@ class LogNormal:
             raise InputError(
                 "LogNormal prior, median",
                 found="0",
-                expected="a median above or below 0, whose sign all values have",
+                expected="a median above or below 0; all values have its sign",
                 remedy="give the value that is as likely too large as too small, for example -3.0",
             )
-        remedy = "2.0 says: two values in three lie between half and twice the median"
+        remedy = "2.0 means that two values in three lie between half and twice the median"
         check_number(self.factor, "LogNormal prior, factor", above=1.0, remedy=remedy)
 
     @property
@@ -149,5 +149,5 @@ class LogNormal:
 
 
 def _exp(x: float) -> float:
-    """Exponential, infinite where double precision ends."""
+    """Exponential, infinite if double precision ends."""
     return exp(x) if x < 709.0 else inf

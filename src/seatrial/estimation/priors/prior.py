@@ -30,7 +30,7 @@ _VELOCITY = dict(zip(AXES, RATES, strict=False))
 
 
 class Prior(Protocol):
-    """What every prior offers; implementations are frozen dataclasses of plain numbers, registered as pytrees."""
+    """Interface of every prior; implementations are frozen dataclasses of plain numbers, registered as pytrees."""
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -108,7 +108,7 @@ def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
 
 
 def physical_support(term: CoefficientName, inertia: float) -> tuple[float, float] | None:
-    """Return the interval in which a coefficient is physical; None where its sign is not its own.
+    """Return the interval in which a coefficient is physical; None if its sign is not its own.
 
     Args:
         term: coefficient.

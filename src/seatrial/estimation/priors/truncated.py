@@ -79,7 +79,7 @@ class TruncatedNormal:
         return self.log_slope(z) + jnp.log(self.sd / self.scale) - 0.5 * (x * x + log(2 * pi)) - self.log_share
 
     def log_slope(self, z: Any) -> Any:
-        """Return the logarithm of the slope of the map from z to the value, over `sd`: 0 where the line is straight."""
+        """Return the logarithm of the slope of the map from z to the value, over `sd`: 0 if the line is straight."""
         above, below = self._distances(z)
         return jax.nn.log_sigmoid(above) + jax.nn.log_sigmoid(below)
 
@@ -151,7 +151,7 @@ def truncated_normal(location: float, scale: float, lower: float = -inf, upper: 
 
 
 def half_normal(scale: float, *, lower: float | None = None, upper: float | None = None) -> TruncatedNormal:
-    """Return half a normal of standard deviation `scale`, falling off from one bound: upwards from `lower`, or down from `upper`.
+    """Return half a normal of standard deviation `scale`, largest at one bound: `lower` or `upper`.
 
     Two draws in three (68 %) lie within `scale` of the bound.
 
@@ -161,7 +161,7 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
         upper: bound from which it falls off downwards.
 
     Returns:
-        a prior of what lies beyond the bound.
+        a prior of the values on one side of the bound.
 
     Raises:
         InputError: a number that is none, no bound, or two.
@@ -172,7 +172,7 @@ def half_normal(scale: float, *, lower: float | None = None, upper: float | None
             "half-normal prior",
             found="no bound" if lower is None else "two bounds",
             expected="one of lower and upper",
-            remedy="say from which bound it falls off: lower = 0 for a size, upper = 0 for a damping coefficient",
+            remedy="give the bound at which it is largest: lower = 0 for a size, upper = 0 for a damping coefficient",
         )
     if upper is None:
         assert lower is not None

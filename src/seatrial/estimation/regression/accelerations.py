@@ -39,7 +39,7 @@ HEAVY = 6.0  # Kurtosis of the innovations, 3 for normal ones, from which outlie
 NOISE_HIDDEN = (
     "noise and motion cannot be separated, because the motion changes from sample to sample: give the sensor's noise"
 )
-STILL = "nothing moves but along a straight line, as far as the noise shows"
+STILL = "the channel moves only along a straight line, to within the noise"
 BLOCK = 512  # Samples are filled up to a multiple of this, so that records of like length share compiled code
 
 
@@ -86,7 +86,7 @@ def smooth(
 
     Args:
         time: s, strictly increasing, shape (n,).
-        values: NaN where not measured, shape (n,); angles unwrapped.
+        values: NaN if not measured, shape (n,); angles unwrapped.
         noise: standard deviation of the sensor's noise, in the unit of the signal; None to find it.
         time_scale: tau, s; None to find it.
         where: what the signal is, for errors.
@@ -106,7 +106,9 @@ def smooth(
         )
     for name, given in (("noise", noise), ("time scale", time_scale)):
         if given is not None and not 0 < given < inf:
-            raise InputError(where, found=f"a {name} of {given}", expected="more than 0", remedy="leave it to be found")
+            raise InputError(
+                where, found=f"a {name} of {given}", expected="more than 0", remedy="leave it out to estimate it"
+            )
     usual = float(np.median(np.diff(time[is_measured])))
     straight = np.polynomial.Polynomial.fit(time[is_measured], values[is_measured], 1)
     line = straight(time)
@@ -238,13 +240,13 @@ def _innovation_complaints(z: np.ndarray) -> list[str]:
     worst = int(np.argmax(np.abs(result)))
     if abs(result[worst]) > max(RELEVANT, CHANCE / np.sqrt(z.size)):
         messages.append(
-            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion is correlated "
-            "in time more than the model says, so the standard deviations are not reliable"
+            f"the innovations are not white (correlation {result[worst]:+.2f} at lag {lags[worst]}): noise or motion has more "
+            f"correlation in time than the model. The standard deviations are not reliable"
         )
     kurtosis = float(np.mean(centred**4) / np.mean(centred**2) ** 2)
     if kurtosis > HEAVY:
         messages.append(
-            f"the innovations have outliers (kurtosis {kurtosis:.0f}): look at the picture before the standard deviations"
+            f"the innovations have outliers (kurtosis {kurtosis:.0f}): look at the picture before you use the standard deviations"
         )
     size = float(np.sqrt(np.mean(z**2)))
     if abs(np.log(size)) > max(np.log(1.2), CHANCE / np.sqrt(2 * z.size)):

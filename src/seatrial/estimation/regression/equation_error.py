@@ -68,7 +68,7 @@ class Accelerations:
     Attributes:
         label: of the record.
         speed: u at each sample, m/s, shape (n,).
-        acceleration: du/dt at each sample, m/s^2, NaN where there is none, shape (n,).
+        acceleration: du/dt at each sample, m/s^2, NaN if there is none, shape (n,).
         control: controls, shape (n, n_controls).
         step: time to the next sample, s, shape (n,).
         memory: samples over which errors of the acceleration are correlated, by smoothing; 0 as measured.
@@ -109,7 +109,7 @@ def smoothed_accelerations(model: VehicleModel, record: Record, window: float) -
         raise InputError(
             f'record "{record.label}"',
             found="an uneven time step" if np.isfinite(speed).all() else "gaps in u",
-            expected="an even step and every sample, which a sliding window needs",
+            expected="an even step and every sample, for the sliding window",
             remedy="import the record with a fixed `step`, or use the output-error likelihood, which needs neither",
         )
     if not DEGREE < 2 * half + 1 <= speed.size:
@@ -144,7 +144,7 @@ def fit_equation_error(model: VehicleModel, trials: Sequence[Accelerations], ref
         raise InputError(
             "equation error",
             found="an unknown added mass" if model.states == ("u",) else f"states {', '.join(model.states)}",
-            expected="a surge model whose coefficients are all forces",
+            expected="a surge model with only coefficients of forces",
             remedy="fix X_udot in the vehicle, or use the output-error likelihood",
         )
     names = tuple(term.text for term in model.coefficients)
@@ -190,8 +190,8 @@ def _regress(
     if singular[-1] < 1e-10:  # columns of norm 1, or of zeros
         involved = [name.text for name, w in zip(model.coefficients, right[-1], strict=True) if abs(w) > 0.1]
         raise NumericalError(
-            f"the regressors of {', '.join(involved)} are proportional in these records, so that only a combination of them can be "
-            "had: leave one out, or run a trial over more speeds"
+            f"the regressors of {', '.join(involved)} are proportional in these records, so only a combination can be estimated. Leave "
+            f"one out, or run a trial over more speeds"
         )
     inverse = np.linalg.inv(z.T @ phi)
     values = inverse @ (z.T @ y)
@@ -246,6 +246,6 @@ def _complaint(names: tuple[str, ...], plain: np.ndarray, plain_sd: np.ndarray, 
         return ""
     return (
         f"noise in the speed biases the plain regression: {names[worst]} comes out as {plain[worst]:.4g} ± {plain_sd[worst]:.2g}, "
-        f"and {refined[worst]:.4g} with the simulated speeds of the fitted vehicle, {moved[worst]:.0f} of those errors away; use the "
-        "refined values as a first answer, and the output-error likelihood as the final one"
+        f"and {refined[worst]:.4g} with the simulated speeds of the fitted vehicle, {moved[worst]:.0f} of those errors away. Use the "
+        f"refined values as a first answer, then the output-error likelihood"
     )

@@ -38,7 +38,7 @@ class RegressorBias:
         names: coefficients.
         values: estimates from the rows as they are, SI, shape (k,).
         sd: their standard errors, shape (k,).
-        corrected: estimates extrapolated to no noise; NaN where that cannot be told, shape (k,).
+        corrected: estimates extrapolated to no noise; NaN if that cannot be told, shape (k,).
         bias: values less corrected, SI, shape (k,).
         error: Monte Carlo standard error of the bias, shape (k,).
         status: empty if no bias exceeds a standard error, else which does, in words.
@@ -112,7 +112,7 @@ def _noisy(
 def _driven(
     rows: WhitenedRows, trial: TrialRows, values: Mapping[str, float], pairs: int, random: np.random.Generator
 ) -> dict[str, Float[np.ndarray, "pairs n"]]:
-    """Return the responses of the velocities to white forces of the density that the rows show; none where they show none."""
+    """Return the responses of the velocities to white forces of the density that the rows show; none if they show none."""
     if not rows.force_sd.any():
         return {}
     velocities = [equation.rate for equation in rows.equations]
@@ -168,8 +168,8 @@ def _solved(each: Float[np.ndarray, "pairs k k1"], scale: np.ndarray) -> tuple[n
 def _words(names: tuple[str, ...], values: np.ndarray, sd: np.ndarray, bias: np.ndarray, error: np.ndarray) -> str:
     if not np.isfinite(bias).all():
         return (
-            "some combination of the regressors varies by noise and unexplained forces only, so the bias cannot be estimated: "
-            "drop terms, or run a trial with larger controls"
+            "some combination of the regressors varies only by noise and unexplained forces, so the bias cannot be estimated. Drop "
+            "terms, or run a trial with larger controls"
         )
     worst = int(np.argmax(np.abs(bias) / sd))
     if not abs(bias[worst]) > LARGE_BIAS * sd[worst]:
@@ -178,6 +178,6 @@ def _words(names: tuple[str, ...], values: np.ndarray, sd: np.ndarray, bias: np.
     others = f", and {count - 1} more by over one" if count > 1 else ""
     return (
         f"noise or unexplained motion in the regressors biases {names[worst]} = {values[worst]:.3g} ± {sd[worst]:.2g} by about "
-        f"{bias[worst]:+.2g} ± {error[worst]:.1g}, {abs(bias[worst]) / sd[worst]:.1f} of its standard errors{others}: use windows "
-        "instead of samples, smoothed states, or a trial with larger controls"
+        f"{bias[worst]:+.2g} ± {error[worst]:.1g}, {abs(bias[worst]) / sd[worst]:.1f} of its standard errors{others}. Use windows "
+        f"instead of samples, smoothed states, or a trial with larger controls"
     )

@@ -15,8 +15,8 @@ from seatrial.vehicles.axis_equation import AxisEquation
 
 # What every result from regression rows has to say.
 SCREENING = (
-    "a screening in closed form: noise in the regressors and the weighting of the rows are treated approximately, so confirm what "
-    "matters with the output-error or filter-error likelihood"
+    "a screening in closed form treats noise in the regressors and the weights of the rows approximately. Confirm important terms with "
+    "the output-error or filter-error likelihood"
 )
 MAX_LAGS = 10  # Lags at most that are looked at
 RELEVANT = 0.1  # A correlation below this does no harm, however significant
@@ -71,9 +71,9 @@ def fit_rows(rows: WhitenedRows) -> RowFit:
         worth.append(own.sum() / max(1.0 + 2.0 * memory, 1.0))
         if correlations[0] > max(chance, RELEVANT):
             messages.append(
-                f"residuals of axis {equation.axis} are correlated ({correlations[0]:+.2f}): the {own.sum()} rows are worth "
-                f"{worth[-1]:.0f} independent ones, and errors are up to {np.sqrt(own.sum() / worth[-1]):.1f} times the stated ones; "
-                "a term is missing, or the noise is coloured: choose wider windows"
+                f"residuals of axis {equation.axis} are correlated ({correlations[0]:+.2f}): the {own.sum()} rows count as "
+                f"{worth[-1]:.0f} independent ones, and errors are up to {np.sqrt(own.sum() / worth[-1]):.1f} times the stated ones. A "
+                f"term is missing, or the noise is coloured: choose wider windows"
             )
     return RowFit(rows.names, values, cov, residual, np.array(first), np.array(worth), "; ".join(messages))
 
@@ -102,7 +102,7 @@ def independent_rows(
 
 
 def _correlations(residual: np.ndarray, trial: np.ndarray, index: np.ndarray) -> Float[np.ndarray, " lags"]:
-    """Return the correlation over 1, 2, … windows of one trial; 0 where no two rows are that far apart."""
+    """Return the correlation over 1, 2, … windows of one trial; 0 if no two rows are that far apart."""
     power = np.mean(residual**2)
     place = trial * (index.max() + MAX_LAGS + 1) + index
     results = []

@@ -89,8 +89,8 @@ def check_noise(equations: Sequence[AxisEquation], trial: TrialRows, noise: Mapp
             raise InputError(
                 f'noise of channel "{name}"',
                 found=f"{noise[name]}" if name in noise else "none given",
-                expected="a standard deviation" + (" above zero: rows are weighed by it" if name in rates else ""),
-                remedy="state it from the sensor's data sheet, or as `noise_from_high_pass` finds it in the record",
+                expected="a standard deviation" + (" above zero, because it weights the rows" if name in rates else ""),
+                remedy="state it from the data sheet of the sensor, or estimate it by `noise_from_high_pass`",
             )
 
 
@@ -164,7 +164,7 @@ def whitened_rows(
 
     Raises:
         InputError: noise of a channel not given, fewer rows than needed, or regressors that
-            cannot be told apart.
+            cannot be separated.
     """
     equations, trials = tuple(equations), tuple(trials)
     names = coefficient_names(equations)
@@ -294,7 +294,7 @@ def _sensors(
 
 
 def _depth(matrix: "scipy.sparse.csr_array") -> int:
-    """Return the number of diagonals from the main one to the farthest that is not zero."""
+    """Return the number of diagonals from the main one to the most distant that is not zero."""
     row, column = map(np.asarray, matrix.nonzero())
     return int((row - column).max(initial=0)) + 1
 
@@ -320,7 +320,7 @@ def _check_collinear(phi: Float[np.ndarray, "m j"], names: Sequence[str], place:
     raise InputError(
         place,
         found=result,
-        expected="terms that the motion tells apart",
+        expected="terms that the motion separates",
         remedy="drop one of them, or give a trial over more speeds or with other controls",
     )
 
@@ -328,7 +328,7 @@ def _check_collinear(phi: Float[np.ndarray, "m j"], names: Sequence[str], place:
 def _force_density(
     equations: Sequence[AxisEquation], which: int, raw: Sequence[RawRows], covariances: Sequence[RowCovariance]
 ) -> float:
-    """Spectral density of the white force, for sensor noise as given, by restricted maximum likelihood; 0 where none is needed.
+    """Spectral density of the white force, for sensor noise as given, by restricted maximum likelihood; 0 if none is needed.
 
     The overall scale of the noise is estimated along with it, so that a mistaken sensor noise is not taken for a force.
     """

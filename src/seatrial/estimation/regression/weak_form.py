@@ -36,7 +36,7 @@ class Windows(NamedTuple):
         left: on regressors with the control that begins at each sample, shape (m, n).
         right: on regressors with the control that ends at each sample, shape (m, n).
         rate: on the signal whose rate is sought, shape (m, n).
-        white: on independent numbers of unit variance, for a white force of unit spectral density; zero where that cannot be told
+        white: on independent numbers of unit variance, for a white force of unit spectral density; zero if that cannot be told
             from noise of the sensors, for samples and for windows without overlap, shape (m, n).
         suffix: what to append to a velocity for the channel that `rate` acts on: nothing, or `dot` where that is measured.
     """
@@ -56,7 +56,7 @@ class TrialRows:
 
     Attributes:
         label: of the record.
-        signals: by name, shape (n,) each; 0 where not measured, which no row touches.
+        signals: by name, shape (n,) each; 0 if not measured, which no row touches.
         held: names of those that are controls, held over each step and exactly known.
         step: time to the next sample, s, shape (n,).
         windows: weights of the rows.
@@ -129,7 +129,7 @@ def bump_windows(
         raise InputError(
             place,
             found=f"gaps in every one of {centres.size} windows",
-            expected="stretches in which every signal was measured at every sample",
+            expected="stretches with all signals at every sample",
             remedy="import the record at the step of its slowest sensor, or choose narrower windows",
         )
     at = (np.concatenate(rows), np.concatenate(columns))
@@ -140,16 +140,16 @@ def bump_windows(
 
 
 def samples(time: Float[np.ndarray, " n"], present: Bool[np.ndarray, " n"], label: str) -> Windows:
-    """Return each sample a row of its own, for accelerations that were measured.
+    """Return each sample a separate row, for accelerations that were measured.
 
     Raises:
-        InputError: no sample at which every signal was measured.
+        InputError: no sample with all signals.
     """
     kept = np.flatnonzero(present)
     if not kept.size:
         raise InputError(
             f'record "{label}"',
-            found="no sample at which every signal was measured",
+            found="no sample with all signals",
             expected="velocities and accelerations at the same instants",
             remedy="import the record at the step of its slowest sensor, or use windows, which need no acceleration",
         )

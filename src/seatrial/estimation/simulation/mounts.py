@@ -31,7 +31,7 @@ class Mount:
         turn: roll, pitch and yaw of its axes in those of the body, rad.
         scale: what it shows of what is there.
         late: seconds before the stamp of a sample of which it shows the motion.
-        unknown: names of its parameters that are sought, see `mount_names`.
+        unknown: names of its parameters to estimate, see `mount_names`.
     """
 
     name: str

@@ -24,7 +24,7 @@ class White(NamedTuple):
         return jnp.zeros(())
 
     def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
         return total + present * (e * e)
 
     def log_likelihood(self, total: Any) -> Any:
@@ -47,7 +47,7 @@ class Heavy(NamedTuple):
         return jnp.zeros(())
 
     def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
         loss = jnp.log1p(e * e / (self.dof * self.sd * self.sd))
         return total + present * loss
 
@@ -78,7 +78,7 @@ class Coloured(NamedTuple):
         return (jnp.zeros(()), jnp.zeros(()))
 
     def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
         before, total = carry
         innovation = e - self.memory[kind] * before
         gain = self.weight[kind] * (innovation * innovation)
@@ -131,7 +131,7 @@ class Drifting(NamedTuple):
         return (jnp.zeros(()), 1.0 - self.ratio, jnp.zeros(()), *(() if self.is_even else (jnp.ones(()),)))
 
     def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 where it was measured, else 0."""
+        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
         mean, inverse, total, *product = carry
         memory = self.memory if self.is_even else self.memory[kind]
         squared, absent = memory * memory, 1.0 - present

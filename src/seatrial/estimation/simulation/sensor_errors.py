@@ -21,16 +21,16 @@ Noise = Literal["white", "coloured", "heavy", "drifting"]
 
 @dataclass(frozen=True)
 class Sensor:
-    """One measured channel; what is unknown about it is a parameter.
+    """One measured channel; its unknown properties are parameters.
 
     Attributes:
-        channel: what it measures: a state, or its rate.
+        channel: the measured state or rate.
         noise: kind of the residuals: `sigma_u`, and `tau_u` where coloured, `dof_u` where heavy-tailed, `drift_u` and
             `drift_time_u` where an error that drifts lies under white noise.
         bias: whether it has a constant error, `bias_u`.
-        lag: whether it answers late, with the time constant `lag_u`, s.
+        lag: whether it has a lag, with the time constant `lag_u`, s.
         over_ground: whether a velocity is measured over ground, and not through the water.
-        mount: where it sits, how it is turned, and its scale; None for one at the body's origin, along its axes.
+        mount: its place, turn and scale; None for one at the body's origin, along its axes.
 
     Raises:
         InputError: no name, a kind of noise that there is not, or something else than True and False.
@@ -45,15 +45,15 @@ class Sensor:
 
     def __post_init__(self) -> None:
         """Refuse what no sensor is."""
-        check_text(self.channel, "Sensor, channel", 'name what it measures, for example "u"')
+        check_text(self.channel, "Sensor, channel", 'name the measured signal, for example "u"')
         check_choice(self.noise, get_args(Noise), "Sensor, noise")
         for name in ("bias", "lag", "over_ground"):
-            remedy = "say whether, with True or False; how large is a value or a prior of its own"
+            remedy = "give True or False; its size is a separate value or prior"
             check_kind(getattr(self, name), bool, f"Sensor, {name}", remedy)
 
     @property
     def noise_parameters(self) -> tuple[str, ...]:
-        """Names of the parameters of its noise, which do not change what it shows."""
+        """Names of the parameters of its noise."""
         of_kind = {
             "white": (),
             "coloured": (correlation_name,),

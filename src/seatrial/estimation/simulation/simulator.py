@@ -51,7 +51,7 @@ class Followed(NamedTuple):
         end: state after the last step.
         memory: what the one who watched remembers.
         kept: what it kept of the samples.
-        command: every control as the feedback gave it; empty where there was none.
+        command: every control as the feedback gave it; empty if there was none.
     """
 
     end: tuple
@@ -144,7 +144,7 @@ class Simulator:
         return Followed(end, memory, kept, command)
 
     def delayed(self, values: Mapping[str, Any], control: tuple, step: Float[Array, " n"]) -> tuple:
-        """Return controls as they act: after the delay, where that is a parameter."""
+        """Return controls as they act: after the delay, if that is a parameter."""
         return tuple(delay_control(column, values[DELAY] / step[0]) for column in control) if self.delay else control
 
     def show(self, values: Mapping[str, Any], state: tuple, held: tuple, memories: tuple, lags: tuple) -> list[tuple]:
@@ -197,7 +197,7 @@ class Simulator:
 
 
 def samples_remembered(sensors: Sequence[Sensor], step: float) -> int:
-    """Return how many samples of even steps sensors remember, whose clock is late by `MOST_LATE` at most; 0 where none is."""
+    """Return how many samples of even steps sensors remember, whose clock is late by `MOST_LATE` at most; 0 if none is."""
     return ceil(MAX_LATENESS / step) + 2 if any(sensor.is_late for sensor in sensors) else 0
 
 

@@ -21,11 +21,11 @@ class ChannelData(NamedTuple):
     """Measurements of one channel in a trial of n samples, of whose gaps between measurements k are distinct.
 
     Attributes:
-        measured: what the sensor showed, 0 where missing, shape (n,).
-        present: 1 where measured, 0 where missing, shape (n,).
+        measured: what the sensor showed, 0 if missing, shape (n,).
+        present: 1 if measured, 0 if missing, shape (n,).
         gaps: distinct times since the measurement before, s, `FOREVER` for the first, shape (k,).
         counts: how many measurements follow each gap, shape (k,).
-        kind: which of the gaps precedes each sample, 0 where missing, shape (n,).
+        kind: which of the gaps precedes each sample, 0 if missing, shape (n,).
     """
 
     measured: Float[Array, " n"]
@@ -138,7 +138,7 @@ def _trial(
 
 
 def channel_data(time: Float[np.ndarray, " n"], column: Float[np.ndarray, " n"]) -> ChannelData:
-    """Return the arrays of one channel, NaN where it was not measured; gaps equal to the nanosecond are one, their mean."""
+    """Return the arrays of one channel, NaN if it was not measured; gaps equal to the nanosecond are one, their mean."""
     present = np.isfinite(column)
     between = np.concatenate([[FOREVER], np.diff(time[present])])[: present.sum()]
     _, which, counts = np.unique(np.round(between, 9), return_inverse=True, return_counts=True)

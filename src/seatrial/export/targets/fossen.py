@@ -103,7 +103,7 @@ def _notes(vehicle: ExportedVehicle, scales: dict[str, float]) -> list[str]:
     missing = [control for control in scales if control not in vehicle.controls]
     if missing:
         lines.append(f"This vehicle has no {', '.join(missing)}: the simulator's control of that name has no effect.")
-    return [*lines, "Length and diameter are not known, and not used."]
+    return [*lines, "Length and diameter are unknown, and not used."]
 
 
 def _limit(vehicle: ExportedVehicle, control: str, scale: float, attribute: str) -> float:

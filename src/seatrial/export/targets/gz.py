@@ -109,7 +109,7 @@ class Gz:
             raise InputError(
                 f'vehicle "{vehicle.name}", added mass',
                 found="a matrix that differs from its transpose",
-                expected="a symmetric one: <fluid_added_mass> has its upper half alone",
+                expected="a symmetric one: <fluid_added_mass> has only its upper half",
                 remedy="export to fossen or json",
             )
         if self.engine == "other":
@@ -134,7 +134,7 @@ class Gz:
         changed = [fin_words(fins)] if fins else []
         if self.engine == "dart" and vehicle.added_coriolis == "named":
             changed.append(
-                "products of velocities: less what DART adds of the added mass's Coriolis forces, together the same"
+                "products of velocities: minus the Coriolis forces of added mass that DART adds, with the same sum"
             )
         forces = [force_of(kept), fin_force(fins)] + ([_drift_force(vehicle)] if self.engine == "dart" else [])
         return Carried(
@@ -164,8 +164,8 @@ def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) 
     parts = []
     if engine == "dart" and vehicle.added_mass.any():
         parts.append(
-            "M_A (omega x current) is missing, since DART's added mass follows the velocity over ground, "
-            "as before gz-sim 8.12 and 10.2 its Coriolis forces do too"
+            "M_A (omega x current) is missing, because the added mass of DART uses the velocity over ground; so do its Coriolis forces "
+            "before gz-sim 8.12 and 10.2"
         )
     if fins:
         parts.append("fins do not feel it")
@@ -226,16 +226,16 @@ def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
         else []
     )
     if any(not isfinite(drive.upper) for drive in drives):
-        lines.append("the limits of the drive are not known: none are set")
+        lines.append("the limits of the drive are unknown: none are set")
     if options.engine == "dart":
         lines.append("engine: DART only; others ignore the added mass here: export again with --engine other")
     else:
         lines.append(
-            "engine: any but DART's own added mass; the plugin's Coriolis matrix is off, since it acts with the wrong sign"
+            "engine: any without the added mass of DART; the Coriolis matrix of the plugin is off, because it has the wrong sign"
         )
     return [
         *lines,
-        "Gazebo warns of parameters like yUV: they are products without modulus, and meant as such",
+        "Gazebo warns of parameters like yUV: they are intended products without a modulus",
         "the box is one of the displaced volume, not the hull's shape",
     ]
 

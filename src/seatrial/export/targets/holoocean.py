@@ -224,7 +224,7 @@ class HoloOcean:
         ]
         length, thickness = 2 * torpedo.half_length, 2 * torpedo.radius
         changed = [
-            f"a spheroid {length:.3g} m long and {thickness:.3g} m thick, of the vehicle's mass and surge added mass",
+            f"a spheroid {length:.3g} m long and {thickness:.3g} m thick, with the mass and surge added mass of the vehicle",
             f"damping of roll, pitch and yaw linear, of equal power at {_RATE:g} rad/s; sway and heave by the spheroid's shape",
         ]
         if "X_u" in vehicle.forces:
@@ -237,7 +237,7 @@ class HoloOcean:
                 "fins of equal area in both planes, at the end of the spheroid; their moment is the mean of rudder and stern plane"
             )
         own = ", ".join(f"{key} = {value:g} {_UNITS[key]}" for key, value in _DEFAULTS.items() if key not in limits)
-        changed += [f"HoloOcean's own actuators where the vehicle's are not known: {own}"] if own else []
+        changed += [f"actuators of HoloOcean for unknown ones of the vehicle: {own}"] if own else []
         changed += _limit_changes(vehicle)
         return Carried(
             torpedo_motion(torpedo),

@@ -19,7 +19,7 @@ FORMAT = 1
 FRAME = "forward, starboard, down; angles in radians; a velocity is that through the water"
 EQUATION = (
     "(M_RB + M_A) d(nu)/dt = sum of coefficient x regressor + thrust - C(nu) nu - g; added masses are SNAME's, M_A = -X_udot; "
-    "coriolis of the added mass is among the coefficients where added_coriolis is named, and follows from M_A where it is automatic"
+    "coriolis of the added mass is among the coefficients if added_coriolis is named, and follows from M_A if it is automatic"
 )
 
 

@@ -87,9 +87,9 @@ class Stonefish:
         notes = [
             "for Stonefish 1.4 to 1.6; older versions have another law of drag and do not read these thrusters",
             "axes: forward, starboard, down; the box has the displaced volume, not the hull's shape",
-            "inertia: such that a moment turns the box as it turns the vehicle; less what Stonefish adds by itself",
-            "part.obj, which stands for propellers and fins, is drawn and needed for nothing else",
-            "added mass cannot be set: with the hull's mesh in place of the box it is another, and so is drag; compare the motion again",
+            "inertia: such that a moment turns the box as it turns the vehicle; minus the inertia that Stonefish adds",
+            "part.obj is only drawn, for propellers and fins",
+            "added mass cannot be set: a mesh of the hull instead of the box changes it and the drag; compare the motion again",
         ]
         head = [*statement.lines, *notes]
         return {
@@ -225,7 +225,7 @@ def matched_speed(vehicle: ExportedVehicle) -> tuple[float, bool]:
 def drag_multipliers(
     vehicle: ExportedVehicle, half: Float[np.ndarray, " 3"], density: float, speed: float, cruises: bool
 ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
-    """Return `quadratic_drag` and `viscous_drag`, which give the vehicle's drag in surge, sway and heave at a speed; 0 where it has none.
+    """Return `quadratic_drag` and `viscous_drag`, which give the vehicle's drag in surge, sway and heave at a speed; 0 if it has none.
 
     Drag that is larger across than ahead would brake a vehicle that slips a little on its way: where it cruises, the multiplier of surge
     stands in all directions.

@@ -55,7 +55,7 @@ STRAIGHT_THROUGH = {
 }
 # Parameters by which ArduSub says whose sticks it takes, old and new; those of others it drops without a word.
 STICK_OWNERS = ("SYSID_MYGCS", "MAV_GCS_SYSID", "MAV_GCS_SYSID_HI")
-SWITCHES = {"RollPitch": "roll and pitch instead of surge and sway", "InputHold": "a held input on top of what is sent"}
+SWITCHES = {"RollPitch": "roll and pitch instead of surge and sway", "InputHold": "a constant input added to the trial"}
 
 
 # What ends the trial from outside: Ctrl-C, a kill, a terminal that closes.
@@ -167,7 +167,7 @@ class Vehicle:
         self.send(share)
         now = time.monotonic()
         if self.due and now - self.due > STALL:
-            stopped(f"this computer stood still for {now - self.due:.1f} s")
+            stopped(f"this computer paused for {now - self.due:.1f} s")
         self.due = max(self.due + PERIOD, now)
         time.sleep(self.due - now)
         self.listen()
@@ -222,8 +222,8 @@ def find(vehicle: Vehicle) -> None:
     print(f"system {vehicle.system} is heard")
     if vehicle.manual and (vehicle.autopilot, vehicle.kind) != (ARDUPILOT, SUBMARINE):
         stopped(
-            f"the autopilot is no ArduSub (autopilot {vehicle.autopilot}, vehicle type {vehicle.kind}), and others read MANUAL_CONTROL "
-            "in other ways; where the control is an actuator of its own, try --mode actuator"
+            f"the autopilot is no ArduSub (autopilot {vehicle.autopilot}, vehicle type {vehicle.kind}). Others read MANUAL_CONTROL in "
+            f"other ways; if the control is a separate actuator, try --mode actuator"
         )
 
 
@@ -245,7 +245,7 @@ def check_ownership(vehicle: Vehicle, own: int) -> None:
     vehicle.rest(4 * PERIOD)
     known = [int(vehicle.parameters[name]) for name in STICK_OWNERS if name in vehicle.parameters]
     if not known:
-        stopped("the vehicle does not say whose sticks it takes (parameter SYSID_MYGCS or MAV_GCS_SYSID)")
+        stopped("the vehicle does not report whose sticks it accepts (parameter SYSID_MYGCS or MAV_GCS_SYSID)")
     if not known[0] <= own <= max(known):
         stopped(
             f"the vehicle takes sticks of system {known[0]} alone, and we are system {own}: give --system-id {known[0]}"
@@ -259,7 +259,7 @@ def check_switches(vehicle: Vehicle, gain: float | None) -> None:
             stopped(f"{name} is on: sticks would mean {what}")
     now = vehicle.switches.get("PilotGain")
     if gain is not None and now != gain:
-        stopped(f"the pilot's gain was changed from {gain:g} to {now:g}: full stick is no longer what it was")
+        stopped(f"the pilot's gain was changed from {gain:g} to {now:g}: full stick has another value now")
 
 
 def prepare(vehicle: Vehicle, flight_mode: str, arm: bool) -> None:
@@ -373,7 +373,11 @@ def main(arguments: list[str] | None = None) -> int:
         "--vehicle", type=int, metavar="SYSTEM", help="system of the vehicle; the only one if not given"
     )
     parser.add_argument(
-        "--system-id", type=int, metavar="SYSTEM", default=255, help="our system, whose sticks the vehicle takes"
+        "--system-id",
+        type=int,
+        metavar="SYSTEM",
+        default=255,
+        help="number of this system, whose sticks the vehicle accepts",
     )
     options = parser.parse_args(arguments)
     if not 0 < options.full < float("inf"):

@@ -115,7 +115,7 @@ def stick_of(
     )
     change = np.atleast_1d(np.asarray(high - low, float))
     if not (change != 0).any():
-        raise _unfit(control, f"no effect on {rate} at trim", "a control that moves the vehicle as its stick would")
+        raise _unfit(control, f"no effect on {rate} at trim", "a control that moves the vehicle like its stick")
     ways = set(np.sign(change[change != 0]))
     if len(ways) > 1:
         raise EitherWayError
@@ -133,7 +133,7 @@ def _row(control: str) -> tuple[str, str, int]:
         raise _unfit(
             control,
             f"{control}, {what}",
-            "a control of a whole motion, for which a stick stands: " + ", ".join(_STICKS),
+            "a control of a whole motion, with a stick: " + ", ".join(_STICKS),
         )
     return _STICKS[control]
 
@@ -155,7 +155,7 @@ def _undecided(model: VehicleModel, path: Path, control: str, rate: str, by: str
     return InputError(
         f"{path}, trial of {control} as a MAVLink script",
         found=f"a positive {control} that may turn {rate} either way, by {by} of {', '.join(terms)}",
-        expected="a vehicle of which it is known which way a positive control moves it",
+        expected="a vehicle with a known direction of motion under a positive control",
         remedy="bound the prior to one sign, run the campaign, or export with --to csv",
     )
 
@@ -189,7 +189,7 @@ class Trial(NamedTuple):
         motion: other limits of the campaign, in words.
         rule: what a closed-loop trial does; its schedule only foresees it.
         find_stick: finds the stick of a remote control that stands for the control; raises InputError where none does.
-        caution: why nobody knows whether it keeps the limits of the motion; empty where that is known.
+        caution: why nobody knows whether it keeps the limits of the motion; empty if that is known.
     """
 
     campaign: str
@@ -235,17 +235,17 @@ class Trial(NamedTuple):
             f"at its end {self.control} goes to neutral, {NEUTRAL:g} {unit}{self._outside}",
             *(f"limit of the motion: {text}" for text in self.motion),
             *([f"caution: {self.caution}"] if self.caution else []),
-            *([f"closed loop, of which this is a forecast: {self.rule}"] if self.rule else []),
+            *([f"closed loop; this is its forecast: {self.rule}"] if self.rule else []),
         )
 
     @property
     def _outside(self) -> str:
-        """Say that neutral lies outside the limits, where it does: they are those of the trial, which is then over."""
+        """Report that neutral lies outside the limits, if it does: they are those of the trial, which is then over."""
         below = self.lower is not None and self.lower > NEUTRAL
         if not below and (self.upper is None or self.upper >= NEUTRAL):
             return ""
         which = "below its lower" if below else "above its upper"
-        return f": this is {which} limit, and intended, as the trial is over then and the limits are those of the trial"
+        return f": this is {which} limit, and intended: the limits end with the trial"
 
 
 def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
@@ -278,7 +278,7 @@ def read_trial(folder: Path | str, schedule: str | None = None) -> Trial:
     is_stale = any(step.listed == name and flow.state(step.name) == "stale" for step in LOOP)
     return (
         trial._replace(
-            caution=f"chosen before the campaign was changed, and not judged since: {_again(campaign.folder)}"
+            caution=f"chosen before a change of the campaign, and not checked after it: {_again(campaign.folder)}"
         )
         if is_stale
         else trial
@@ -298,7 +298,7 @@ def _trial(campaign: Campaign, path: Path, content: dict[str, Any]) -> Trial:
         raise InputError(
             str(path),
             found=", ".join(str(one["control"]) for one in content["controls"]),
-            expected="one control, which is all that an exported trial moves",
+            expected="one control, because an exported trial moves one",
             remedy=f"let your own driver read {path}, which has a column for each",
         )
     control = content["control"]
@@ -335,7 +335,7 @@ def _check_table(trial: Trial, path: Path, remedy: str) -> None:
             str(path),
             found=f"other rows than in {path.with_suffix('.json').name}, which is exported",
             expected="both as they were written",
-            remedy=f"{remedy}; a trial of your own needs no export",
+            remedy=f"{remedy}; your own trial needs no export",
         ) from cause
 
 

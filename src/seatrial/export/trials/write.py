@@ -187,7 +187,7 @@ PLAIN = tuple(_TEXTS)  # Those that need nothing
 
 
 def write_plain(trial: Trial, folder: Path) -> tuple[list[Path], str]:
-    """Write what needs no library; returns the paths, and why there is no script, empty where there is one."""
+    """Write what needs no library; returns the paths, and why there is no script, empty if there is one."""
     try:
         trial.find_stick()
     except InputError as error:

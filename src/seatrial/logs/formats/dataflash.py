@@ -223,7 +223,7 @@ def _define(body: bytes, scan: _Scan, lengths: np.ndarray, path: Path) -> None:
             f'{path}, table "{name}"',
             found="a message type described twice, differently",
             expected="one log",
-            remedy="two logs were joined: divide the file where the second begins",
+            remedy="two logs were joined: divide the file at the start of the second",
         )
     scan.kinds[kind] = definition
     lengths[kind] = length

@@ -80,7 +80,7 @@ def _check_size(dataset: Any) -> None:
         raise InputError(
             f'{dataset.file.filename}, array "{dataset.name}"',
             found=f"shape {dataset.shape} in pieces of {chunk} bytes, of which the file keeps {kept} bytes in all",
-            expected="an array that the file holds",
+            expected="an array that the file contains",
             remedy="the file is damaged: copy or save it again",
         )
 

@@ -98,7 +98,7 @@ def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
     # MAVLink's clocks, of which clocks_among knows no unit by the name.
     units = {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}
     clocks, columns = clocks_among([ColumnInfo(name, units.get(name.rpartition(".")[2])) for name in seen.numbers])
-    trouble = "" if seen.encoding == "json" else f'messages in the encoding "{seen.encoding}", where JSON is read'
+    trouble = "" if seen.encoding == "json" else f'messages in the encoding "{seen.encoding}"; only JSON is read'
     first = (ColumnInfo(LOG_TIME, "ns"), *columns)
     return TableInfo(topic, first, (LOG_TIME, *clocks), seen.rows, "", trouble, notes, tuple(seen.words), True)
 
@@ -141,7 +141,7 @@ def _content(log: LogFile, message: _Message) -> Any:
         raise InputError(
             f'{log.path}, table "{message.channel.topic}"',
             found=f"a message that is no JSON: {message.data[:40]!r}",
-            expected="JSON, as the channel says",
+            expected="JSON, as the channel states",
             remedy="the log is damaged: copy it again, or map another table",
         ) from cause
 

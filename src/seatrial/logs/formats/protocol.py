@@ -57,7 +57,7 @@ class LogFile:
 
 
 class ColumnInfo(NamedTuple):
-    """One column; `unit` as the log states it, None where it does not."""
+    """One column; `unit` as the log states it, None if it does not."""
 
     name: str
     unit: str | None = None
@@ -71,7 +71,7 @@ class TableInfo:
         name: as `LogSource.table` takes it.
         columns: those that can be read.
         clocks: columns that may be time, the best first; each has a unit.
-        rows: how many, None where only a full reading would tell.
+        rows: how many, None if only a full reading would tell.
         kind: type of the messages, for example `nav_msgs/msg/Odometry`.
         trouble: why its columns cannot be read, if they cannot.
         notes: what was passed over in the log, for the user.
@@ -110,7 +110,7 @@ class TableInfo:
 
 
 class Block(NamedTuple):
-    """Some rows of one table: int64 or float64 columns, NaN where a value is missing, or words; `done` is the share of the log."""
+    """Some rows of one table: int64 or float64 columns, NaN if a value is missing, or words; `done` is the share of the log."""
 
     table: str
     columns: Mapping[str, np.ndarray]
@@ -148,7 +148,7 @@ class LogFormat:
             columns of stamps, and those whose cells are words.
         is_text: whether a `TextLayout` means anything.
         memory: bytes that the process of its own may take in which it is read, four times those of the file apart, where a library
-            reads it that damaged bytes can bring to abort, to walk in circles or to take gigabytes; 0 where it is read in this one.
+            reads it that damaged bytes can bring to abort, to walk in circles or to take gigabytes; 0 if it is read in this one.
     """
 
     name: str
@@ -243,13 +243,13 @@ def clock_unit(name: str, stated: str | None = None) -> str | None:
 
 
 def unit_in_name(name: str) -> str | None:
-    """Return the unit of time that the name of a clock ends in, set off from it as in `t_ms` or `time [ms]`; None where it has none."""
+    """Return the unit of time that the name of a clock ends in, set off from it as in `t_ms` or `time [ms]`; None if it has none."""
     lower = name.lower()
     return time_unit_at_end(lower) if _CLOCK.fullmatch(lower) else None
 
 
 def time_unit_at_end(name: str) -> str | None:
-    """Return the unit of time that any name ends in, set off from it; None where it has none."""
+    """Return the unit of time that any name ends in, set off from it; None if it has none."""
     return _of_time(name_and_units(re.sub(r"\s+", "_", name.lower())).units)
 
 

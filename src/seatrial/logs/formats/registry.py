@@ -54,14 +54,14 @@ def format_of(path: Path) -> LogFormat:
             str(path),
             found="a spreadsheet",
             expected="a log, or a table as text",
-            remedy="export the sheet that holds the log as CSV",
+            remedy="export the sheet with the log as CSV",
         )
     if by_suffix is None or by_suffix.is_text:
         return text.FORMAT
     raise InputError(
         str(path),
-        found="an empty file" if not head else f"a file that does not begin as {by_suffix.name} does",
-        expected=f"{by_suffix.name}, as its suffix says",
+        found="an empty file" if not head else f"a file without the first bytes of {by_suffix.name} does",
+        expected=f"{by_suffix.name}, by its suffix",
         remedy="copy or export the log again, or correct the suffix",
     )
 
@@ -139,7 +139,7 @@ def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo
             f"{where}, table",
             found=f"{len(tables)} tables and none named",
             expected="one of " + _some(names),
-            remedy="name the table; `seatrial inspect` shows what each holds",
+            remedy="name the table; `seatrial inspect` shows the columns of each",
         )
     chosen = tables[0] if name is None else next((table for table in tables if table.name == name), None)
     if chosen is None:
@@ -186,7 +186,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 
 def _asked(form: LogFormat, question: Callable[..., Iterable[Answer]], log: LogFile, *about: Any) -> Iterator[Answer]:
-    """Return the answers of a format, from a process of its own where its library may break."""
+    """Return the answers of a format, from a separate process where its library may break."""
     if not form.memory:
         return iter(question(log, *about))
     files = log.path.iterdir() if log.path.is_dir() else (log.path,)

@@ -114,7 +114,7 @@ def _block(log: LogFile, topic: _Topic, decoder: Decoder, done: float) -> Block:
         raise InputError(
             f'{log.path}, table "{topic.name}"',
             found=f"a message that does not fit {topic.kind}: {cause}",
-            expected="messages as their definition says",
+            expected="messages by their definition",
             remedy="the log is damaged, or was recorded with another version of the message: record it again",
         ) from cause
 
@@ -161,7 +161,7 @@ def _steps(kind: str, definition: Any, is_cdr: bool, log: LogFile) -> tuple[tupl
         added = (
             ""
             if definition.data
-            else ": a bag of ROS 2 Humble or older; record it with MCAP storage, or convert it where the messages are installed"
+            else ": a bag of ROS 2 Humble or older; record it with MCAP storage, or convert it on a machine with the messages"
         )
         return (), f"{cause}{added}"
     except InputError:

@@ -115,7 +115,7 @@ def words_of(steps: Sequence[Step]) -> tuple[str, ...]:
 
 
 def has_sequences(steps: Sequence[Step]) -> bool:
-    """Say whether the length of a message of these steps is known by the message alone."""
+    """Return whether the length of a message of these steps is known by the message alone."""
     return any(
         isinstance(step, Many) and step.path and (step.count is None or has_sequences(step.steps)) for step in steps
     )
@@ -221,7 +221,7 @@ class _Walk:
         self._steps(steps, "")
         # Some middleware fills CDR up to four bytes.
         if not self.at <= len(self.data) <= self.at + (3 if self.is_cdr else 0):
-            raise struct.error(f"{len(self.data)} bytes where its definition makes {self.at}")
+            raise struct.error(f"{len(self.data)} bytes, but by its definition {self.at}")
 
     def _steps(self, steps: Sequence[Step], prefix: str) -> None:
         for step in steps:
@@ -282,7 +282,7 @@ def _kind(code: str, order: str, is_cdr: bool) -> np.dtype:
 
 
 def _filled(parts: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> np.ndarray:
-    """Return one column of its parts, NaN where none has a row."""
+    """Return one column of its parts, NaN if none has a row."""
     kinds = {values.dtype.kind for _, values in parts}
     is_whole = sum(at.size for at, _ in parts) == rows and kinds == {"i"}
     column = (

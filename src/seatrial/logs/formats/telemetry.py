@@ -230,7 +230,7 @@ def _records(
 def _packet(
     piece: bytes, at: int, messages: Mapping[int, Any], checksum: Any
 ) -> tuple[int, tuple[int, int], bytes, int] | None:
-    """Return the type, sender, payload and length of the record at a place, None where there is none."""
+    """Return the type, sender, payload and length of the record at a place, None if there is none."""
     if len(piece) < at + 16:
         return None
     start, length = piece[at + 8], piece[at + 9]

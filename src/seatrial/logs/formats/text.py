@@ -45,7 +45,7 @@ _MAX_STAMP_LENGTH = 40
 _MAX_STAMP = 2.0**62
 _NO_STAMP = "correct the stamp, remove the row, or map another clock"
 _NO_DATE = (
-    "correct the stamp or remove the row; of a leap second (23:59:60) map a clock that counts seconds, or import two runs, before and "
+    "correct the stamp or remove the row. For a leap second (23:59:60) map a clock that counts seconds, or import two runs, before and "
     "after it"
 )
 _SPACES = re.compile(r"[ \t]+")
@@ -66,7 +66,7 @@ _MAGIC = {
 _Row = tuple[int, int, str | list[str]]
 """Line at which a row begins, as a text editor counts; number of its cells; the cells, as text where none is quoted."""
 _Stamps = tuple[np.ndarray, int]
-"""Stamps times 10^decimals, int64, and those decimals; text and 0 where a number does not fit."""
+"""Stamps times 10^decimals, int64, and those decimals; text and 0 if a number does not fit."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _read(
     except _Rounded:
         kinds = {at[name]: f"S{_MAX_STAMP_LENGTH + 1}" for name in stamps}
         values, decimals = _columns(log, layout, at, stamps, kinds | word_types, words)
-    notes = (f"{layout.empty} rows at the end have no cell filled and were left out",) if layout.empty else ()
+    notes = (f"{layout.empty} empty rows at the end were left out",) if layout.empty else ()
     values = {name: _whole(name, values, pairs) for name in columns}
     return RawTable(values, lambda row: _row(log, row)[0], notes, decimals)
 
@@ -215,7 +215,7 @@ def _columns(
 def _checked(
     cells: np.ndarray, log: LogFile, first: int, place: int, name: str, remedy: str = ""
 ) -> Float[np.ndarray, " n"]:
-    """Return a parsed column as float64, NaN where a cell is empty.
+    """Return a parsed column as float64, NaN if a cell is empty.
 
     Raises:
         InputError: the first cell that is neither empty nor a finite number.
@@ -233,7 +233,7 @@ def _checked(
 
 
 def _floats(cells: np.ndarray) -> Float[np.ndarray, " n"]:
-    """Convert a parsed column; NaN where a cell is not a number."""
+    """Convert a parsed column; NaN if a cell is not a number."""
     if cells.dtype.kind in "iuf":
         return cells.astype(float)
     import pandas as pd
@@ -249,7 +249,7 @@ def _plain(cells: np.ndarray) -> np.ndarray:
 
 
 def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) -> _Stamps:
-    """Return the stamps of some rows: 1669909203.330 as 1669909203330 and 3 decimals, where they are so plain, or as text.
+    """Return the stamps of some rows: 1669909203.330 as 1669909203330 and 3 decimals, if they are so plain, or as text.
 
     Raises:
         InputError: the first row without a stamp, or with one that is no number or too long.
@@ -455,7 +455,7 @@ def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str, reme
     remedy = remedy or (
         "write decimals with a point, not with a comma"
         if comma and whole.isdigit() and part.isdigit()
-        else "correct the cell, leave it empty where nothing was measured, or map another column"
+        else "correct the cell, leave it empty if there is no measurement, or map another column"
     )
     return InputError(
         f'{log.path}, row {line}, column "{name}"',
@@ -558,7 +558,7 @@ def _opened(log: LogFile) -> Iterator[tuple[TextIOWrapper, BinaryIO]]:
         raise InputError(
             str(path),
             found=f"{_kind(path)}, not gzip data",
-            expected="gzip data, as the suffix .gz says",
+            expected="gzip data, by the suffix .gz",
             remedy="rename the file if it is plain text, or export it again",
         ) from cause
     except UnicodeError as cause:
@@ -577,7 +577,7 @@ def _not_text(log: LogFile, line: int) -> InputError:
         expected=f"text in {log.layout.encoding}",
         remedy="add the suffix .gz to its name"
         if kind == _MAGIC[_GZIP]
-        else "export the sheet that holds the log as CSV"
+        else "export the sheet with the log as CSV"
         if "spreadsheet" in kind
         else 'export the log as CSV; if it is text already, write encoding = "cp1252" (or "utf-16") under its [[import.files]]',
     )

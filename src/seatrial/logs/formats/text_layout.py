@@ -40,7 +40,7 @@ class TextSigns:
         separator: of cells, one character or `whitespace`.
         decimal: point or comma.
         has_header: whether the first line names the columns.
-        units: of the line below it, for each column, empty where there is none such.
+        units: of the line below it, for each column, empty if there is none such.
     """
 
     separator: str
@@ -118,7 +118,7 @@ def _separator(path: Path, layout: TextLayout, lines: Sequence[str]) -> str:
             where,
             found=f'suffix "{suffix}" and no delimiter',
             expected=".csv, .tsv, or the delimiter",
-            remedy=f'say which: ",", ";", "\\t" or "{WHITESPACE}"',
+            remedy=f'give one of: ",", ";", "\\t" or "{WHITESPACE}"',
         )
     is_mark = len(separator) == 1 and separator.isascii() and (separator.isprintable() or separator == "\t")
     if separator != WHITESPACE and (not is_mark or separator.isalnum() or separator in '".+-'):

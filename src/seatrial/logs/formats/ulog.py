@@ -76,7 +76,7 @@ def _read(log: LogFile, topics: Sequence[str] | None = None) -> tuple[dict[str, 
 
     Args:
         log: where.
-        topics: names of those to read; all of them where there are none.
+        topics: names of those to read; all of them if there are none.
     """
     with optional("px4", log.path):
         import pyulog

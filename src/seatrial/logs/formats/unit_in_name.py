@@ -37,7 +37,7 @@ ENDINGS = {
 
 
 class NameAndUnits(NamedTuple):
-    """The name of a column without the unit at its end, and what that unit may be; none where there is no unit."""
+    """The name of a column without the unit at its end, and what that unit may be; none if there is no unit."""
 
     bare: str
     units: tuple[str, ...]

@@ -77,9 +77,9 @@ class Moved(NamedTuple):
 
     Attributes:
         label: of its axis.
-        bands: its quantiles 5, 25, 50, 75 and 95 %, shape (5, n); NaN where there are none.
+        bands: its quantiles 5, 25, 50, 75 and 95 %, shape (5, n); NaN if there are none.
         single: of a few draws, NaN once they have run away, shape (k, n).
-        measured: NaN where not, shape (n,); None where it is not measured.
+        measured: NaN if not, shape (n,); None if it is not measured.
     """
 
     label: str
@@ -103,7 +103,7 @@ def prior_motions(
         time: s, shape (n,).
         motions: channels.
         controls: what drives the vehicle.
-        spreads: labels and values of numbers that each draw has, two at most, NaN where it has none, shape (draws,).
+        spreads: labels and values of numbers that each draw has, two at most, NaN if it has none, shape (draws,).
         words: lines printed above.
         figure: an empty one to draw into; made if not given.
     """
@@ -199,7 +199,7 @@ def rank_figure(result: Calibration, words: str) -> "Figure":
             axes.tick_params(labelbottom=last)
         if last:
             label_axes(left, x="rank of the truth among 99 draws")
-            label_axes(right, x="rank: distribution less the uniform one")
+            label_axes(right, x="rank: distribution minus the uniform one")
     return figure
 
 

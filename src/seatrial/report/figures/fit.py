@@ -30,7 +30,7 @@ MIN_PAIRS = 6  # Pairs of samples below which a correlation is not worth drawing
 
 
 class DrawnChannel(NamedTuple):
-    """One channel of one record, in the unit of its label: measured (NaN where not), predicted mean and standard deviation."""
+    """One channel of one record, in the unit of its label: measured (NaN if not), predicted mean and standard deviation."""
 
     label: str
     measured: np.ndarray
@@ -85,8 +85,8 @@ def draw_fit(
     Args:
         axes: one for each channel and each control.
         time: s, shape (n,).
-        channels: what was measured and predicted.
-        controls: what drove the vehicle.
+        channels: measured and predicted.
+        controls: of the vehicle.
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
     """
@@ -138,7 +138,7 @@ def draw_residuals(
     Args:
         axes: two for each channel.
         time: s, shape (n,).
-        channels: what was measured and predicted.
+        channels: measured and predicted.
         held_back: whether the record was kept out of the fit.
         most: number of samples worth drawing.
         slow: whether the noise was fitted as correlated in time, which these residuals still are.
@@ -159,7 +159,7 @@ def draw_residuals(
             "residual [sd]" if len(channels) == 1 else f"{channel.label.split(' [')[0]} residual [sd]",
         )
         _draw_autocorrelation(below, *autocorrelation(time, channel.residual), colour)
-        label_axes(below, f"lag [s]{', before the fitted correlation is taken out' * slow}", "autocorr.")
+        label_axes(below, f"lag [s]{', before the fitted correlation is removed' * slow}", "autocorr.")
 
 
 def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:

@@ -73,7 +73,7 @@ def corner(
         units: SI.
         digits: how the numbers at the edges are written.
         priors: of each.
-        truth: of each, None where it is not known.
+        truth: of each, None if it is not known.
     """
     from matplotlib.collections import LineCollection
 
@@ -138,7 +138,7 @@ def chain_rows(draws: Float[np.ndarray, "c n k"], symbols: Sequence[str], most: 
 def draw_chains(axes: "Axes", draws: np.ndarray, symbol: str, unit: str, most: int = 400) -> None:
     """Draw every chain of one parameter over its draws, and the mean of all of them.
 
-    Chains that have mixed cannot be told apart; one that stays away from the others has not.
+    Chains that have mixed look alike; one that stays away from the others has not.
 
     Args:
         axes: where.
@@ -170,9 +170,7 @@ def belief_rows(
         starts: where the second record, the third, and so on begin, s.
         most: number of points worth drawing in all.
     """
-    figure, axes = _rows(
-        [one.symbol for one in rows], ROW, "time, records one after another [s]" if starts else "time [s]"
-    )
+    figure, axes = _rows([one.symbol for one in rows], ROW, "time, records in sequence [s]" if starts else "time [s]")
     keep = thin(time.size, min(260, most // len(rows)))
     for row, one in enumerate(rows):
         low, high = _settled(one)

@@ -87,9 +87,9 @@ def draw_marginal(
         draws: SI, shape (n,).
         symbol: of the parameter, within dollars.
         unit: its SI unit.
-        prior: its prior; None where it is not to be shown.
+        prior: its prior; None to hide it.
         interval: 95 % interval.
-        normal: mode and standard deviation of the normal approximation, where there is one.
+        normal: mode and standard deviation of the normal approximation, if there is one.
         truth: of a simulated vehicle.
     """
     mean, sd = float(draws.mean()), float(draws.std())

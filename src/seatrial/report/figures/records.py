@@ -65,7 +65,7 @@ def covered(
     """Draw control and motion of all records as dots; held-back runs that reach beyond the fitted ones are extrapolation.
 
     Args:
-        fitted: control and motion of each fitted record, in the units of the labels, NaN where not measured.
+        fitted: control and motion of each fitted record, in the units of the labels, NaN if not measured.
         held_back: likewise of those held back.
         labels: of control and motion, units included.
         most: number of dots worth drawing of each kind.

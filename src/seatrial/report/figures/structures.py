@@ -122,7 +122,7 @@ def structure_gaps(gaps: Sequence[MotionGap], noise: float, axis: str) -> "Figur
 
     Args:
         gaps: from the top.
-        noise: standard deviation of the sensor, as shown; NaN where there is none.
+        noise: standard deviation of the sensor, as shown; NaN if there is none.
         axis: symbol of the channel and its unit in brackets.
     """
     heights = [height for gap in gaps for height in ([MOTION_ROW] * (not gap.coincides) + [GAP_ROW])]

@@ -76,7 +76,7 @@ def new_figure(
 
 
 def sized_figure(width: float, height: float, figure: "Figure | None" = None) -> "Figure":
-    """Return an empty figure of this size, points; the one given, where there is one, as that of a notebook."""
+    """Return an empty figure of this size, points; the one given, if there is one, as that of a notebook."""
     if figure is not None:
         figure.set_size_inches(width * POINT, height * POINT)
         return figure

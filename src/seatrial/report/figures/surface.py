@@ -51,7 +51,7 @@ def draw_surface(
         axes: where; the colour bar stands to the right of it.
         period: s, shape (P,).
         amplitude: change from trim, in the unit of its label, shape (A,).
-        gain: nats, NaN where a limit is broken, shape (A, P).
+        gain: nats, NaN if a limit is broken, shape (A, P).
         best: indices of the best design.
         labels: of period and amplitude, units included.
     """

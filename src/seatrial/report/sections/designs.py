@@ -49,7 +49,7 @@ def trial_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def next_section(outcome: Outcome) -> dict[str, Any]:
-    """Return what `next.html` prints; nothing where no trial is designed."""
+    """Return what `next.html` prints; nothing if no trial is designed."""
     trial = outcome.summary.next_trial.best
     if outcome.next is None or trial is None:
         return {}
@@ -180,9 +180,9 @@ def _coverage(outcome: Outcome) -> list[Drawing]:
             figure,
             "covered",
             f"Measured {channel} against control {control} of all records",
-            "All samples of the fitted records, and of those held back. Where held-back samples lie outside the fitted ones, their "
-            "prediction is extrapolation.",
-            "What the records cover",
+            "All samples of the fitted records, and of those held back. Predictions of held-back samples outside the fitted ones are "
+            "extrapolations.",
+            "Range of the records",
         )
     ]
 

@@ -37,7 +37,7 @@ MAX_POINTS, MAX_CHANNELS, MAX_CONTROLS = 1000, 3, 2
 LOOKS = {"pass": "finding", "unjudged": "caution", "caution": "caution", "fail": "alarm"}
 NOUNS = {
     "pass": ("run passes", "runs pass"),
-    "unjudged": ("run cannot be judged alone", "runs cannot be judged alone"),
+    "unjudged": ("run cannot be judged separately", "runs cannot be judged separately"),
     "caution": ("run has a caution", "runs have a caution"),
     "fail": ("run fails", "runs fail"),
 }
@@ -143,7 +143,7 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
     title = _title(record)
     left = _split(channels, controls)[1] if is_first else (channels, controls)
     residuals = record_residuals(time, channels, held_back, most, _is_slow(outcome))
-    before = " before the fitted correlation is taken out" if _is_slow(outcome) else ""
+    before = " before the fitted correlation is removed" if _is_slow(outcome) else ""
     return {
         "title": title,
         "held_back": held_back,
@@ -162,7 +162,7 @@ def _card(outcome: Outcome, index: int, record: Record, held_back: bool, most: i
             draw(
                 residuals,
                 f"residuals-{index}",
-                f"{title}: residuals over the predicted standard deviation, and their autocorrelation{before}",
+                f"{title}: residuals divided by the predicted standard deviation, and their autocorrelation{before}",
             ),
         ],
     }
@@ -172,10 +172,10 @@ def _basis(outcome: Outcome) -> str:
     """Say from what the motion of a run is predicted."""
     estimation = outcome.campaign.estimation
     if estimation.initial == "trim":
-        return "its control only, beginning at the trim"
+        return "only its control, from the trim"
     if not estimation.free_initial:
-        return "its control and its first sample only"
-    held_back = ", that of a held-back run to its first sample only" if outcome.trials.predict else ""
+        return "only its control and its first sample"
+    held_back = ", that of a held-back run only to its first sample" if outcome.trials.predict else ""
     return f"its control and its start; the start of a fitted run is fitted to the whole of that run{held_back}"
 
 

@@ -18,7 +18,7 @@ LIKELIHOODS = {
     "filter-error": "simulation corrected by a filter at every sample (filter error)",
 }
 SAMPLERS = {
-    "independence-metropolis": "independence Metropolis: fresh draws and a random walk in turn",
+    "independence-metropolis": "independence Metropolis: independent draws and a random walk in turn",
     "adaptive-metropolis": "adaptive Metropolis",
     "metropolis": "Metropolis, one parameter at a time",
     "de-metropolis": "differential evolution Metropolis",
@@ -118,7 +118,7 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
     listed = [
         (folder / FILE_NAME, "the campaign file: vehicle, priors, goals and limits"),
         *((store.record(run), f"record {run}") for run in list(dict.fromkeys(cut))),
-        (store.design, "designs swept for the trial"),
+        (store.design, "compared designs of the trial"),
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
         *(
             (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
@@ -134,7 +134,7 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
         (store.selection, "evidences, probabilities and verdicts"),
         (store.filter, "filter traces"),
         (store.predictions, "fitted and predicted records"),
-        (store.next_design, "designs swept for the next trial"),
+        (store.next_design, "compared designs of the next trial"),
         (store.schedule(store.next_design), "control of the next trial over time, its unit in the header"),
         (store.summary, "everything above in numbers, SI"),
     ]

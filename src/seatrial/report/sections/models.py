@@ -77,7 +77,7 @@ def _beside(outcome: Outcome, order: list[int]) -> dict[str, Any]:
 
 
 def _value(outcome: Outcome, estimate: Estimate, name: str) -> str:
-    """Return a coefficient of one model with its standard deviation; empty where there is none."""
+    """Return a coefficient of one model with its standard deviation; empty if there is none."""
     return digits_of(outcome)[name].pair(*moments_of(outcome, estimate)[name]) if name in estimate.names else ""
 
 
@@ -112,7 +112,7 @@ def _screening(outcome: Outcome) -> dict[str, Any]:
 
 
 def _left_out(outcome: Outcome) -> dict[str, Any]:
-    """Return how well each model predicts runs that were left out; nothing where no current result is there."""
+    """Return how well each model predicts runs that were left out; nothing if no current result is there."""
     result = outcome.cross_validation
     if result is None:
         return {}

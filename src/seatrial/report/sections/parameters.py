@@ -91,7 +91,7 @@ def prior_of(outcome: Outcome, name: str) -> PriorShape:
 
 
 def prior_words(prior: PriorShape, exponent: int = 0) -> str:
-    """Say what was believed before the data, without the power of ten."""
+    """Return what was believed before the data, without the power of ten."""
     scale = 10.0**-exponent
     if prior.is_bounded:
         words = f"{plain(prior.lower * scale)} to {plain(prior.upper * scale)}"
@@ -166,7 +166,7 @@ def _corner(outcome: Outcome, paired: list[int]) -> Drawing:
         [prior_of(outcome, name) for name in names],
         [truth.get(name) for name in names],
     )
-    return draw(figure, "pairs", "Posteriors, one at a time on the diagonal and every two together below it")
+    return draw(figure, "pairs", "Posteriors: one parameter on the diagonal, every pair below it")
 
 
 def _filter(outcome: Outcome) -> dict[str, Any]:

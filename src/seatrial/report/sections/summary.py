@@ -50,7 +50,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "alarms": find(outcome, "alarm"),
         "usable": not outcome.own_alarms,
         "cautions": find(outcome, "caution"),
-        "passed": "The computation passed its health checks; the model or its noise did not pass the check of the residuals"
+        "passed": "The computation is sound, but the residuals contradict the model or its noise"
         if outcome.disowned
         else "No check of the fit failed; the normal approximation was not checked"
         if outcome.first_answer
@@ -77,25 +77,21 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
 
 
 def answer(outcome: Outcome) -> Markup:
-    """Say what was found and how well it predicts, first what simpler model does as well; or that nothing may be used yet."""
+    """Return what was found and how well it predicts, first what simpler model does as well; or that nothing may be used yet."""
     own, elsewhere = outcome.own_alarms, outcome.other_alarms
     failed = outcome.held_back_alarms
     if failed:
         unseen = sentences(held_back_alarms(outcome.fits, outcome.pooled))
         others = len(own) + len(elsewhere) - len(failed)
         more = Markup(" {} failed too.").format(_checks(others)) if others else Markup("")
-        what = (
-            "The model fails on runs that it was not fitted to."
-            if unseen
-            else "Do not use this model: another predicts better."
-        )
+        what = "The model fails on held-back runs." if unseen else "Do not use this model: another predicts better."
         return Markup("{} {}{}").format(what, sentence_of(outcome, (unseen or failed)[0]), more)
     if own:
         return Markup("Do not use these numbers yet: {} failed.").format(_checks(len(own) + len(elsewhere)))
     parts = [_unbeaten(outcome) + _basis(outcome), _found(outcome), _predicts(outcome)]
     if outcome.disowned:
-        and_terms = ", and which terms are needed may change" if outcome.selection.inclusion else ""
-        parts.append(f"Its stated ± do not hold{and_terms}: the residuals are correlated.")
+        and_terms = ", and the needed terms may change" if outcome.selection.inclusion else ""
+        parts.append(f"Its ± is not reliable{and_terms}: the residuals are correlated.")
     if elsewhere:
         what = "The choice of the model is not reliable" if outcome.choice_alarms else "Another model is not reliable"
         parts.append(Markup("{}: {} failed.").format(what, _checks(len(elsewhere))))
@@ -130,13 +126,13 @@ def _basis(outcome: Outcome) -> str:
 
 
 def _unbeaten(outcome: Outcome) -> str:
-    """Say which simpler model predicts the held-back runs as well; nothing where the model is better than all."""
+    """Return which simpler model predicts the held-back runs as well; nothing if the model is better than all."""
     channels: dict[tuple[str, str], list[str]] = {}
     for one in outcome.compared:
         if one.level == "caution":
             best = one.baselines[0]
             much = one.ours.crps > CLEAR_RATIO * best.crps
-            how = "better than this model, though that may be chance" if much else "as well as this model"
+            how = "better than this model, but chance may explain it" if much else "as well as this model"
             channels.setdefault((best.words, how), []).append(one.channel)
     parts = (
         f"{words[0].upper()}{words[1:]} predicts {listed(names)} of the held-back runs {how}. "
@@ -183,7 +179,7 @@ def _predicts(outcome: Outcome) -> str:
         if good
         else f"It predicts {what} {explained_text(worst, runs)}"
     )
-    end = "" if held_back else "; no run was held back to test it"
+    end = "" if held_back else "; no held-back run tests it"
     return f"{parts}, and {_span([fit.coverage for fit in shown])} of the samples lie inside its 90 % band{end}."
 
 

@@ -310,7 +310,7 @@ def all_subsets(
         threads: how many blocks at once; as many as there are cores, if not given.
 
     Raises:
-        InputError: terms that the data cannot tell apart, too few data, too many terms, or rules that no structure keeps.
+        InputError: terms that the data cannot separate, too few data, too many terms, or rules that no structure keeps.
         NumericalError: a structure that leaves no noise, or numbers out of range.
     """
     candidates = check_candidates(stats, names, always)

@@ -141,8 +141,8 @@ def evidence_of(stats: Gram, prior: Prior, terms: Sequence[int]) -> SubsetFit:
     rate = 0.5 * (2 * prior.rate + stats.square + posterior.square[chosen].sum() - explained)
     if not rate > ROUNDING * stats.square:
         raise NumericalError(
-            "a structure fits the response exactly, so there is no noise to judge by: is the response made from the "
-            "regressors? Give measured data, or a prior of the noise that is not tiny"
+            "a structure fits the response exactly, so there is no noise: is the response computed from the regressors? Give measured "
+            "data, or a prior of larger noise"
         )
     shape = prior.shape + 0.5 * stats.n
     log_value = evidence_constant(stats, prior) + 0.5 * ratio - shape * np.log(2 * rate)
@@ -180,7 +180,7 @@ def physical_prior(
             "prior sd of the coefficients",
             found=str(sd),
             expected="positive numbers",
-            remedy="take the order of magnitude from physics",
+            remedy="use an order of magnitude from physics",
         )
     return IndependentPrior(noise_sd**2 / sd**2, shape, (shape - 1) * noise_sd**2, mean)
 

@@ -1,6 +1,6 @@
 """What a linear regression needs of its data: G = Phi^T Phi, h = Phi^T y, y^T y and n; it adds up over trials.
 
-One regressor that never changes is an offset, and allowed. Two of them, or two in proportion, cannot be told apart.
+One regressor that never changes is an offset, and allowed. Two of them, or two in proportion, cannot be separated.
 """
 
 from collections.abc import Sequence
@@ -80,4 +80,4 @@ def check_gram(stats: Gram, names: Sequence[str]) -> None:
 
 
 def _cannot_tell(found: str, remedy: str) -> InputError:
-    return InputError("linear regression", found=found, expected="regressors that the data tell apart", remedy=remedy)
+    return InputError("linear regression", found=found, expected="regressors that the data separate", remedy=remedy)

@@ -69,7 +69,7 @@ class Averages(NamedTuple):
     """Posterior averages over structures of the coefficients, those always there first.
 
     Attributes:
-        mean: shape (m+k,); a coefficient counts as zero where its term is absent.
+        mean: shape (m+k,); a coefficient counts as zero if its term is absent.
         within: average of the covariances in each structure, shape (m+k, m+k).
         between: covariance of the means of the structures, shape (m+k, m+k).
     """
@@ -88,7 +88,7 @@ def check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -
         always: terms in every structure.
 
     Raises:
-        InputError: terms that the data cannot tell apart, or too many.
+        InputError: terms that the data cannot separate, or too many.
     """
     names = tuple(names)
     check_gram(stats, names)
@@ -99,7 +99,7 @@ def check_candidates(stats: Gram, names: Sequence[str], always: Sequence[str]) -
             "library of terms",
             found=f"{len(names)} terms",
             expected=f"at most {MAX_TERMS}, the bits of a number",
-            remedy="drop some, or put one axis after the other to the question",
+            remedy="drop some, or select axis by axis",
         )
     return Candidates(names, sure, free, np.uint64(sum(1 << i for i in sure)))
 
@@ -154,7 +154,7 @@ def make_problem(
         scale, pivots = 1 / np.sqrt(np.diag(rest)[:-1]), np.exp(log_pivot)
     if 0.5 * np.abs(log_pivot).sum() > LARGEST_LOG:
         raise NumericalError(
-            "prior and data differ by more than a number can hold: widen or narrow the prior of the coefficients"
+            "prior and data differ by more than a number can represent: widen or narrow the prior of the coefficients"
         )
     columns = np.append(scale, 1.0)
     squares = posterior.square[free]

@@ -279,7 +279,7 @@ def sums_over(
 
 
 def log_share_inside(inside: Float[np.ndarray, " chains"], moves: int) -> float:
-    """Return the log of the share of visits in the structures known before, which counts as one visit where there is none."""
+    """Return the log of the share of visits in the structures known before, which counts as one visit if there is none."""
     visits = (moves - half_of(moves)) * inside.size
     return float(np.log(max(float(inside.sum()), 1.0) / visits))
 
@@ -290,7 +290,7 @@ def half_of(moves: int) -> int:
 
 
 def presence_r_hat(presence: Float[np.ndarray, "2 chains k"], moves: int) -> Float[np.ndarray, " k"]:
-    """R-hat of numbers that are 0 or 1, between the halves of all chains; 1 where nothing ever changed."""
+    """R-hat of numbers that are 0 or 1, between the halves of all chains; 1 if nothing ever changed."""
     length = np.array([half_of(moves) - moves // 4, moves - half_of(moves)])[:, None, None]
     means = (presence / length).reshape(-1, presence.shape[2])
     within, between = (means * (1 - means)).mean(0), means.var(0, ddof=1)
@@ -352,8 +352,8 @@ def _status(
     apart = errors["r_hat"] > MAX_PRESENCE_R_HAT
     if apart.any():
         messages.append(
-            f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_PRESENCE_R_HAT}): "
-            "let them make more moves; if they still disagree, some terms can replace others, and single moves do not find this"
+            f"the chains disagree about {_listed(names, apart)} (R-hat {errors['r_hat'].max():.2f}, at most {MAX_PRESENCE_R_HAT}): let "
+            f"them make more moves. If they still disagree, some terms can replace others, which single moves do not find"
         )
     # what was not evaluated may change the renormalised probabilities by its own probability
     odd = np.abs(inclusion - renormalised) > 5 * errors["inclusion_error"] + (1 - covered) + 0.01

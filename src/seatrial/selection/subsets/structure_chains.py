@@ -32,7 +32,7 @@ class Units(NamedTuple):
     """What moves: terms that rules keep together, or single terms. The last unit is nobody, for moves of fewer.
 
     Attributes:
-        members: columns of each, -1 where there are no more, shape (u+1, m).
+        members: columns of each, -1 if there are no more, shape (u+1, m).
         mask: structure of its terms, shape (u+1,).
         partner: cumulative probabilities of a partner for each of the u units, shape (u, u+1).
         with_wanted: structure of each and all that it wants, shape (u,).
@@ -64,7 +64,7 @@ class Chains:
     """The state of the walkers, one on each rung of the ladder of each chain.
 
     Attributes:
-        codes: where they are, bit i for term i, terms always there included, shape (walkers,).
+        codes: if they are, bit i for term i, terms always there included, shape (walkers,).
         matrix: swept on the optional terms that are there, shape (walkers, k+1, k+1).
         places: walker on each rung of each ladder, the cold rung first, shape (chains, rungs).
     """

@@ -1,6 +1,6 @@
 """Published vehicles, one TOML file each with its sources, and the vehicle in any reduction of it.
 
-All but `remus100_fossen`, whose forces are no sum of named terms and are written out in a module of its own.
+All but `remus100_fossen`, whose forces are no sum of named terms and are written out in a separate module.
 """
 
 import tomllib
@@ -53,7 +53,7 @@ class PublishedVehicle:
         thrusters: those of an open frame; empty for one propeller on the axis.
         actuators: published lags and limits by control.
         notes: sources and errata, as the file has them.
-        written: builder of a vehicle whose forces are no sum of named terms; it has no restrictions and nothing free.
+        written: builder of a vehicle with forces that are no sum of named terms, without restrictions or free coefficients.
     """
 
     hull: Hull
@@ -74,7 +74,7 @@ class PublishedVehicle:
         """Return the names of the coefficients that have a part in a motion.
 
         Args:
-            moves: velocities that are states; all that is published where None.
+            moves: velocities that are states; all published ones if None.
             given: velocities and angles that are measured.
 
         Raises:
@@ -113,17 +113,17 @@ class PublishedVehicle:
         """Build a model of the vehicle, with the published terms that have a part in a motion.
 
         Args:
-            moves: velocities that are states; all that is published where None.
+            moves: velocities that are states; all published ones if None.
             given: velocities and angles that are measured.
             actuators: whether published lags and limits come before the controls.
-            free: coefficients whose values are left open, in this order; the others stay as published. Terms that are not published may
-                be among them. All that is published, where None.
+            free: coefficients without a value, in this order; the others stay as published. Terms that are not published may
+                be among them. All published ones if None.
             options: `attitude` ("quaternion" or "euler"), `positions` that are states (of x, y and z), `angles` that are wanted although
                 no force depends on them (of phi, theta and psi), and `current`: "state", "given", or the water's velocity north, east
-                and down, m/s. Of a vehicle whose forces are no sum of named terms `attitude` and `positions` alone.
+                and down, m/s. A vehicle with forces that are no sum of named terms takes only `attitude` and `positions`.
 
         Returns:
-            a model whose free coefficients are unknown, and its own values of the others part of it.
+            a model with unknown free coefficients and its values of the others.
 
         Raises:
             InputError: a malformed name, a term without a part in the motion, a signal that the model lacks, two names of one regressor,
@@ -135,7 +135,7 @@ class PublishedVehicle:
         for what, names in {"given": given, "free": () if free is None else free, **options}.items():
             if what in ("given", "free", "positions", "angles"):
                 check_names(names, f"{place}, {what}")
-        check_kind(actuators, bool, f"{place}, actuators", "say whether, with True or False")
+        check_kind(actuators, bool, f"{place}, actuators", "give True or False")
         check_choice(options.get("attitude", "quaternion"), get_args(Kind), f"{place}, attitude")
         chosen = tuple(moves or self.moves)
         if self.written is not None:
@@ -143,8 +143,8 @@ class PublishedVehicle:
                 raise InputError(
                     f'vehicle "{self.hull.name}", moves',
                     found=", ".join(free or chosen),
-                    expected="all six velocities: its forces are no sum of terms that could be left out",
-                    remedy="leave moves, given and free out, or take a vehicle of named coefficients",
+                    expected="all six velocities, because its forces are no sum of terms",
+                    remedy="leave moves, given and free out, or choose a vehicle of named coefficients",
                 )
             model = self.written(**options)
         else:
@@ -180,14 +180,14 @@ def make_vehicle(
     added_coriolis: AddedCoriolis = "named",
     **body: Any,
 ) -> PublishedVehicle:
-    """Build a vehicle of one's own.
+    """Build your vehicle.
 
     Args:
         name: short name.
-        mass: dry mass, kg; None where it is unknown: coefficients are then per unit of effective mass or inertia.
-        coefficients: values by name, SI, added masses (`X_udot`, negative) among them; those that are sought may be left out.
-        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None where unknown.
-        moves: velocities that are modelled; where not given, those whose axes have terms and a known inertia.
+        mass: dry mass, kg; None if unknown: coefficients are then per unit of effective mass or inertia.
+        coefficients: values by name, SI, added masses (`X_udot`, negative) among them; estimated ones may be left out.
+        inertia: I_xx, I_yy, I_zz about the origin, kg m^2; None if unknown.
+        moves: modelled velocities; if not given, those of axes with terms and a known inertia.
         actuators: lags and limits by control.
         thrusters: of an open frame; none for one propeller on the axis.
         added_coriolis: whether Coriolis forces of the added mass are among the coefficients or follow from it (`automatic`).
@@ -204,7 +204,7 @@ def make_vehicle(
     place = f'vehicle "{check_text(name, "vehicle, name", "give a short name")}"'
     given = check_numbers(coefficients, f"{place}, coefficients", remedy='write for example {"X_uabsu": -3.0}')
     values = {CoefficientName.parse(key).text: value for key, value in given.items()}
-    check_kind(body.get("symmetric", True), bool, f"{place}, symmetric", "say whether, with True or False")
+    check_kind(body.get("symmetric", True), bool, f"{place}, symmetric", "give True or False")
     check_known(body, _BODY if mass is not None else _OF_UNKNOWN, f"{place}, arguments")
     _check_parts(place, moves, actuators, thrusters, added_coriolis)
     fixed = {key: value for key, value in values.items() if CoefficientName.parse(key).is_added_mass}

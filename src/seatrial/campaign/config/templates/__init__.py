@@ -13,9 +13,9 @@ from seatrial.core.files import write_text
 # What each template is, by name.
 TEMPLATES = {
     "remus100": "a simulated REMUS 100: the whole loop at once",
-    "design": "a vehicle of your own before there are any data: a first trial to design",
-    "steering": "a published vehicle before there are any data: which rudder to try first",
-    "log": "a CSV log of a trial that was run, of one propeller in surge",
+    "design": "your vehicle without data: design a first trial",
+    "steering": "a published vehicle without data: design a first trial of the rudder",
+    "log": "a CSV log of a trial in surge with one propeller",
     "bollard": "a CSV log of a vehicle tied to a force gauge: its thrust",
 }
 EXAMPLE_VEHICLE = "YOUR VEHICLE"  # Name of the vehicle in the template of a log
@@ -28,7 +28,7 @@ def has_placeholders(text: str) -> bool:
 
 
 def init_campaign(folder: Path | str, template: str) -> Path:
-    """Write a campaign file into a folder, which is made if missing.
+    """Write a campaign file into a folder; make the folder if missing.
 
     Args:
         folder: of the new campaign.
