@@ -1,4 +1,4 @@
-"""Count faults of style in pages, help texts and messages, each with file:line: `python docs/style.py`, `--all` within the bounds too.
+"""Count faults of style in pages, help texts and strings of the code: `python docs/style.py`, `--all` within the bounds too.
 
 It exits with 1 if a rule has more faults than its bound. Lower a bound when a page has improved; do not raise it.
 """
@@ -13,6 +13,8 @@ from claims import DOCS, ROOT, claims, prose
 
 SOURCES = ROOT / "src" / "seatrial"
 OTHERS = r"docs/(?:decisions/|_build/|reference/(?:command_line|coefficients|results)\.md)"
+PROGRAMS = ("targets", "trials")
+"""Folders with texts of programs for simulators and vehicles."""
 MOST_WORDS = 25
 RULES = {
     "where": r"\bwhere\b",
@@ -95,8 +97,8 @@ def page_texts() -> Iterator[Text]:
 
 
 def code_texts() -> Iterator[Text]:
-    """Yield the help texts of commands and the strings of messages; values in a string are a word each."""
-    for path in sorted(path for part in ("cli/commands", "messages") for path in (SOURCES / part).glob("*.py")):
+    """Yield the help texts of commands and all strings but code for other programs; values in a string are a word each."""
+    for path in sorted(path for path in SOURCES.rglob("*.py") if path.parent.name not in PROGRAMS):
         tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix()
         helping = [*tree.body] if path.parent.name == "commands" else []
         helping = [node for node in helping if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")]
