@@ -45,7 +45,7 @@ _OF_FORCE = (
 )
 _LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
 # Put the maker's table in its place: curve = "thrust.csv", two columns with a header, the command and the thrust in N.
-# A reversed propeller has a falling curve: give it a law of its own.
+# A reversed propeller has a falling curve: give it a separate law.
 [vehicle.thrust_laws.all]
 polynomial = [0.0, 0.081, 0.0, 2.9e-7]
 neutral = 1500
