@@ -94,7 +94,7 @@ def turns(time):
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("[autopilot.psi]", "[autopilot.theta]", r"key autopilot.theta[^$]*no sensor shows[^$]*v, r, psi"),
+        ("[autopilot.psi]", "[autopilot.theta]", r"key autopilot.theta[^$]*no sensor measures[^$]*v, r, psi"),
         ('derivative = "r"', 'derivative = "q"', r"autopilot.psi.derivative[^$]*\[sensors.q\]"),
         ("delta_r = -1", "delta_s = 1", r"autopilot.psi.drives[^$]*delta_r"),
         ("delta_r = -1", "psi = 1", r'autopilot.psi.drives[^$]*"psi"[^$]*delta_r'),

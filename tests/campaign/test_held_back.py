@@ -117,8 +117,8 @@ def test_two_runs_of_the_same_input_are_told(known):
     found, said = predicted(known, again)
     assert found.fits[0].level == "pass"
     assert said == [
-        f"held-back run 2 has the input of run {trials.fit[0].label}: a good prediction shows only that the vehicle repeats "
-        "itself; hold back a run with another input"
+        f"held-back run 2 has the input of run {trials.fit[0].label}, so a good prediction shows only that the vehicle repeats "
+        "itself. Hold back a run with another input"
     ]
 
 

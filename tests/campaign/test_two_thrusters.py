@@ -121,7 +121,7 @@ def test_a_rate_without_a_sensor_is_told_by_import_and_its_coefficients_in_one_l
     assert told in checked.output
     (line,) = [line for line in checked.output.splitlines() if "cannot determine" in line]
     assert line.split()[0] == "caution"
-    assert "N_r and N_rabsr: no sensor measures r" in line
+    assert "N_r and N_rabsr, because no sensor measures r" in line
 
 
 MASS = '"14.5 kg"'

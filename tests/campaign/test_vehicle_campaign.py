@@ -99,7 +99,7 @@ def test_a_log_without_the_vehicles_controls_is_refused(tmp_path):
     path = log_of(tmp_path)
     with pytest.raises(InputError, match="no column that may be a control"):
         vehicle_campaign_text(tmp_path, "remus100_prestero", path)
-    with pytest.raises(InputError, match="surge alone"):
+    with pytest.raises(InputError, match="surge only"):
         vehicle_campaign_text(tmp_path, "remus100_surge", path)
 
 

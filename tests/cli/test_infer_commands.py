@@ -47,7 +47,7 @@ def test_modes_and_chains_of_every_structure(monkeypatch, capsys, tmp_path):
     code, out, err = run(monkeypatch, capsys, "estimate", tmp_path, "-q")
     assert code == Exit.OK, err
     assert (out.count("strongest correlation"), out.count("± contains")) == (1, 1)
-    assert out.index("  X_u ") < out.index("  noise:\n    sigma_u ") < out.index("the other structures")
+    assert out.index("  X_u ") < out.index("  noise:\n    sigma_u ") < out.index("other structures, with")
     assert len(out.splitlines()) <= 25
     _, out, _ = run(monkeypatch, capsys, "estimate", tmp_path, "-q", "--verbose")
     assert out.count("strongest correlation") == 2

@@ -275,7 +275,7 @@ def test_a_column_of_time_is_chosen_and_a_second_run_added(tmp_path, page):
         choose(page, "A log in the campaign's folder", "logs/run_a.csv")
         page.get_by_role("button", name="Preview log").click()
         time = page.get_by_role("combobox", name="time of run_a.csv: column")
-        page.get_by_text("guessed, as it rises in every row, most evenly").first.wait_for()
+        page.get_by_text("guessed, because it rises in every row, most evenly").first.wait_for()
         choose(page, "time of run_a.csv: column", "choose")
         choose(page, "u: column", "not in a log")
         choose(page, "n: column", "not in a log")

@@ -57,7 +57,7 @@ def test_numbers_by_hand():
     assert sum(found.pit) == pytest.approx(1.0)
     assert found.samples == 1200
     assert found.missing == ""
-    assert repr(found).startswith(f"Score: 1200 samples, worth {found.effective:.0f} independent ones; ")
+    assert repr(found).startswith(f"Score: 1200 samples, as informative as {found.effective:.0f} independent ones; ")
     assert found._repr_html_().startswith("<pre>Score: ")
 
 

@@ -142,7 +142,7 @@ def test_a_grid_much_finer_than_every_channel_is_told(tmp_path):
     text = "clock,rpm,speed\n" + "".join(f"{100 * k},{600 + k},{1 + 0.01 * k:.2f}\n" for k in range(20))
     log = written(tmp_path, text)
     *_, told = align([read_log_table(source(log, time_column="clock"))], step=0.05).provenance.options["cautions"]
-    assert "a sample only every 100 s, and the record one every 0.05 s: check the unit of time" in told
+    assert "a sample only every 100 s, and the record one every 0.05 s. Check the unit of time" in told
     fine = align([read_log_table(source(log, time_column="clock", time_unit="ms"))], step=0.05)
     assert fine.provenance.options["cautions"] == []
 

@@ -442,7 +442,7 @@ def test_what_is_known_together_is_named_and_what_is_not_is_flagged(html):
     assert "to 2\u202f%" in said
     assert "run &lt;b&gt;faster&lt;/b&gt;" in said
     assert said.count('<span class="flag"') >= 4
-    assert "known in combination only" in said
+    assert "known only in combination" in said
     assert "+190\u202f%" in said
     assert "prior sd" in said
 

@@ -75,7 +75,7 @@ def test_a_needed_term_is_told_and_an_idle_one_only_priced(regression):
     idle = compare(bic(pointwise, 4), bic(pointwise, 3))
     assert idle.delta == pytest.approx(np.log(20))
     assert idle.std_error == pytest.approx(0.0, abs=1e-9)
-    assert "equally well" in idle.verdict
+    assert "do not separate" in idle.verdict
 
 
 def test_sums_are_refused():

@@ -154,7 +154,7 @@ def test_structures_that_a_screening_left_out_keep_their_probability():
     assert found.verdicts[0].startswith("the data favour X_u, but do not settle it: probability 0.93 with it")
     assert found.verdicts[3].startswith("the data do not support X_u3: probability 0.89 without it")
     assert found.verdicts[-1].startswith(
-        "2 structures were simulated; the others have a probability of 0.30 by the screening"
+        "2 structures were simulated. The others have a probability of 0.30 by the screening"
     )
 
 

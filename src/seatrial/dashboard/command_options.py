@@ -24,7 +24,7 @@ class CommandOption(NamedTuple):
     Attributes:
         name: as it is written, such as `--free-form`.
         meaning: its help.
-        kind: a flag, a whole number, one of some words, or a text; a text may hold several parted by commas where `is_list`.
+        kind: a flag, a whole number, one of some words, or a text; a text may contain several separated by commas if `is_list`.
         default: as a text; empty if there is none.
         least: of a number; None for no bound.
         most: likewise.

@@ -375,7 +375,7 @@ def select(
     if shortlist:
         verdicts.append(
             f"{len(structures)} structures were simulated. The others have a probability of {1.0 - share:.2f} by the screening, which "
-            f"the probabilities of the terms include. Raise structure.shortlist to simulate more"
+            "the probabilities of the terms include. Raise structure.shortlist to simulate more"
         )
     verdicts_need = _least(_needed(structures, evidences, optional, structure_prior, EDGES))
     alarms = tuple(

@@ -60,8 +60,8 @@ class RecordTuning:
             )
         for i, name in enumerate(self.constants):
             messages.append(
-                f"  {name}: sd at the end {report.settling[i]:.2f} of that at three quarters, "
-                f"estimates travel {report.erratic[i]:.2f} times as far as a tuned filter's"
+                f"  {name}: sd {report.settling[i] - 1:+.0%} in the last quarter, "
+                f"estimates travel {report.erratic[i]:.2f} times as far as those of a tuned filter"
             )
         for name, result in self.noise.items():
             unit = signal_unit(name)

@@ -1,8 +1,8 @@
-"""One sentence for who runs the vehicle: go on, stop, switch, check the stream, or the model is wrong; it never commands anything.
+"""One sentence for the operator: continue, stop, switch, check the stream, or the model is wrong; it never commands the vehicle.
 
-The goal is never called met while the stream is in doubt, the innovations disown the model, the coefficients contradict the trim, or one
-is pushed against the edge of its prior. A true value may lie on a physical edge, such as X_u = 0: then the mean of the filter, which knows
-no edges, is beyond it by about a standard deviation. A wrong unit or sign takes it many beyond.
+The goal is never met while the stream is in doubt, the innovations are inconsistent with the model, the coefficients contradict the trim,
+or one is at the edge of its prior. A true value may lie on a physical edge, such as X_u = 0. Then the mean of the filter, which has no
+edges, is outside by about a standard deviation. A wrong unit or sign puts it many outside.
 """
 
 from collections.abc import Mapping, Sequence

@@ -155,8 +155,7 @@ class Score:
             return f"Score: {self.samples} samples; {self.missing}"
         return (
             f"Score: {self.samples} samples, as informative as {self.effective:.0f} independent ones; {self.explained:.1%} of the "
-            f"variance explained; "
-            f"rmse {self.rmse:.3g}; {self.coverage:.0%} inside the 90 % band"
+            f"variance explained; rmse {self.rmse:.3g}; {self.coverage:.0%} inside the 90 % band"
         )
 
     _repr_html_ = text_html
