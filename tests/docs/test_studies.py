@@ -5,6 +5,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -12,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "release/simulators"))
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 
 import benchmark_tables
+import calibration
 import calibration_alarms
 import evidence
 import false_terms
@@ -32,6 +34,7 @@ PAGES = {
     "benchmark": ("benchmark", benchmark_tables.COMMAND, benchmark_tables.tables),
     "exports": ("exports", laboratory.COMMAND, laboratory.tables),
     "gpu": ("../how-to/cluster", gpu.COMMAND, gpu.tables),
+    "calibration": ("calibration", "", calibration.tables),
     "calibration_alarms": ("calibration", calibration_alarms.COMMAND, calibration_alarms.tables),
 } | {
     f"held_back_{table}": ("held_back", f"{held_back.COMMAND} {table}", partial(held_back.tables, table))
@@ -115,6 +118,32 @@ def test_false_terms_are_counted_again():
     counted = false_terms.count(5, 0, kept["sets"])
     for by, one in counted.items():
         assert kept["rows"][0][by]["false"] == pytest.approx(one.false)
+
+
+def test_what_is_said_of_calibration_is_in_its_numbers():
+    """The file keeps the counts of ranks, of which all else follows; README, paper and validation quote the widest ranges."""
+    found = study_numbers.kept("calibration")
+    for name, ranks in calibration.calibrations(found).items():
+        one = found["cases"][name]
+        assert [*ranks.outside()] == one["outside"]
+        assert ranks.coverage(0.9).tolist() == [*one["coverage of 90 %"].values()]
+        assert ranks.p_values().min() == pytest.approx(one["least p"])
+    root, cases = study_numbers.DEV.parents[1], found["cases"].values()
+    most = [100 * x for one in cases for x in one["coverage of 90 %"].values()]
+    loops = found["closed loop"].values()
+    shares = [
+        100 * np.mean([count for of in one["inside and sd"].values() for count, _ in of.values()]) / one["vehicles"]
+        for one in loops
+    ]
+    counts = [
+        (count, one["right"]) for one in loops for of in one["inside and sd"].values() for count, _ in of.values()
+    ]
+    assert all(low <= count <= high for count, (low, high) in counts)
+    for page in ("README.md", "docs/validation.md", "paper.md"):
+        text = (root / page).read_text()
+        assert f"{min(most):.1f} to {max(most):.1f} %" in text
+        assert f"{len(cases)} cases" in text
+        assert page == "README.md" or "{:.0f} and {:.0f} %".format(*shares) in text
 
 
 def test_mmg_with_rudder_by_hand():
