@@ -1,23 +1,24 @@
 """Are the stated probabilities of terms true? `python docs/term_probabilities.py [--records N] [--full N]`, or `--redraw`.
 
 Vehicles draw which of four terms they have, and their coefficients, from the priors of the model. A plain loop that shares no code with
-seatrial simulates three runs of each: with white noise, with a slow error of the sensor, with a mass that is not the stated one, with a
-force that drifts, and with a thruster that lags. Of all 16 structures the evidence within the model is found, and the one with every error;
-the probabilities of the terms that follow are compared with the truth. What is done is kept in outputs/term_probabilities. Writes the
-numbers in docs/dev/term_probabilities.json, and from these the table in docs/dev/term_probabilities.md and
-docs/dev/term_probabilities.svg; `--redraw` writes only what is made from the numbers.
+seatrial simulates a few runs of each (`plain_vehicles.py`): in surge with white noise, with a slow error of the sensor, with a mass that
+is not the stated one, with a force that drifts, and with a thruster that lags; in surge, sway and yaw with white noise, and with slow
+errors. Of all 16 structures the evidence within the model is found, and the one with every error; the probabilities of the terms that
+follow are compared with the truth. That is the fast route; some vehicles take the full one of `seatrial select` too. What is done is kept
+in outputs/term_probabilities. Writes the numbers in docs/dev/term_probabilities.json, and from these the tables in
+docs/dev/term_probabilities.md and docs/dev/term_probabilities.svg; `--redraw` writes only what is made from the numbers.
 """
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import numpy as np
+import plain_vehicles
 import study_numbers
 from matplotlib.figure import Figure
 from scipy import stats
@@ -41,28 +42,114 @@ from seatrial.report.figures.style import (
     own_settings,
     style_axes,
 )
-from seatrial.selection.importance import ImportanceSettings, importance_evidence
 
 HERE = Path(__file__).parent
 STATE = HERE.parent / "outputs" / "term_probabilities"
 KINDS = {"within the model": False, "with every error": True}
 """Kinds of probabilities, and whether every error is in them."""
-STEP, FINE, SAMPLES, RUNS = 0.1, 5, 400, 3
-"""Interval of the samples, s; steps of the simulation in one; samples of a run; runs of a vehicle."""
-NOISE, MASS, DEDUCTION, TRIM = 0.02, 31.41, 0.1, 125.0
-"""Of the speed sensor, m/s; effective mass, kg; share of the thrust that the hull takes; speed of the propeller, rad/s."""
-ALWAYS = {"X_uabsu": st.Normal(-2.93, 0.5), "T_nabsn": st.Normal(6.28e-4, 6e-5)}
-OPTIONAL = {
-    "X_u": st.Normal(-1.2, 0.6),
-    "X_u3": st.Normal(-0.5, 0.3),
-    "T_un": st.Normal(-0.01, 0.006),
-    "X_0": st.Normal(0.0, 0.7),
-}
-NUISANCES = {"sigma_u": st.LogUniform(0.002, 0.5), "u_0": st.Normal(1.5, 0.3)}
 EDGES = (0.05, 0.25, 0.75, 0.95)
 """Of the bins of stated probabilities."""
-CHANNELS = (st.Channel("n", "rad/s", "control"), st.Channel("u", "m/s", "measurement"))
+TRIM = 125.0
+"""Speed of the propeller about which it is held, rad/s."""
 OWN = st.Provenance("a plain loop", "")
+START = {"u_0": st.Normal(1.5, 0.3)}
+
+
+class Family(NamedTuple):
+    """Vehicles of one kind: what they have always, and what half of them have, with the priors of which each is drawn.
+
+    Attributes:
+        always: terms of all.
+        optional: terms of half of them.
+        nuisances: other unknowns.
+        noise: standard deviation of each sensor's white noise, SI.
+        controls: units of the controls by name.
+        vehicle: the model before the terms are chosen.
+    """
+
+    always: Mapping[str, st.Normal]
+    optional: Mapping[str, st.Normal]
+    nuisances: Mapping[str, st.Prior]
+    noise: Mapping[str, float]
+    controls: Mapping[str, str]
+    vehicle: Callable[[], st.Vehicle]
+
+    @property
+    def channels(self) -> tuple[st.Channel, ...]:
+        """What a record has."""
+        measured = [st.Channel(name, "rad/s" if name == "r" else "m/s", "measurement") for name in self.noise]
+        return (*(st.Channel(name, unit, "control") for name, unit in self.controls.items()), *measured)
+
+    def draw(self, random: np.random.Generator) -> tuple[np.ndarray, dict[str, float]]:
+        """Draw which optional terms a vehicle has, and all its coefficients, 0 of those that it lacks."""
+        present = random.random(len(self.optional)) < 0.5
+        priors = {**self.always, **self.optional}
+        values = {name: float(prior.mean + prior.sd * random.standard_normal()) for name, prior in priors.items()}
+        return present, values | {
+            name: 0.0 for name, is_there in zip(self.optional, present, strict=True) if not is_there
+        }
+
+    def posteriors(self, records: Sequence[st.Record]) -> tuple[list[tuple[bool, ...]], list[Posterior]]:
+        """Return all structures: which optional terms each has, and its posterior."""
+        priors = {**self.always, **self.optional}
+        model = self.vehicle().build(free=list(priors))
+        whole = st.make_posterior(model, records, priors | {**self.nuisances}, [st.Sensor(one) for one in self.noise])
+        sets = [*product([False, True], repeat=len(self.optional))]
+        absent = [{name for name, is_there in zip(self.optional, one, strict=True) if not is_there} for one in sets]
+        return sets, [
+            replace(whole, present=np.array([float(name not in none) for name in whole.names])) for none in absent
+        ]
+
+
+SURGE = Family(
+    {"X_uabsu": st.Normal(-2.93, 0.5), "T_nabsn": st.Normal(6.28e-4, 6e-5)},
+    {
+        "X_u": st.Normal(-1.2, 0.6),
+        "X_u3": st.Normal(-0.5, 0.3),
+        "T_un": st.Normal(-0.01, 0.006),
+        "X_0": st.Normal(0.0, 0.7),
+    },
+    {"sigma_u": st.LogUniform(0.002, 0.5), **START},
+    {"u": 0.02},
+    {"n": "rad/s"},
+    lambda: st.load_vehicle("remus100_surge"),
+)
+THREE_AXES = Family(
+    {
+        "X_uabsu": st.Normal(-2.9, 0.4),
+        "T_nabsn": st.Normal(6.3e-4, 5e-5),
+        "Y_uv": st.Normal(-60.0, 8.0),
+        "Y_uudelta_r": st.Normal(12.0, 2.0),
+        "N_uv": st.Normal(-10.0, 2.0),
+        "N_ur": st.Normal(-12.0, 2.0),
+        "N_uudelta_r": st.Normal(-8.0, 1.0),
+    },
+    {
+        "X_vr": st.Normal(6.0, 4.0),
+        "Y_ur": st.Normal(8.0, 4.0),
+        "Y_vabsv": st.Normal(-60.0, 40.0),
+        "N_rabsr": st.Normal(-6.0, 4.0),
+    },
+    {
+        "sigma_u": st.LogUniform(0.003, 0.5),
+        "sigma_v": st.LogUniform(0.003, 0.5),
+        "sigma_r": st.LogUniform(0.002, 0.3),
+        **START,
+        "v_0": st.Normal(0.0, 0.05),
+        "r_0": st.Normal(0.0, 0.05),
+    },
+    {"u": 0.03, "v": 0.03, "r": 0.02},
+    {"n": "rad/s", "delta_r": "rad"},
+    lambda: st.make_vehicle(
+        "three axes",
+        plain_vehicles.MASS,
+        plain_vehicles.ADDED,
+        inertia=(None, None, plain_vehicles.INERTIA),
+        centre_of_gravity=(plain_vehicles.CENTRE, 0.0, 0.0),
+        thrust_deduction=plain_vehicles.DEDUCTION,
+        moves=("u", "v", "r"),
+    ),
+)
 
 
 class Arm(NamedTuple):
@@ -70,13 +157,15 @@ class Arm(NamedTuple):
 
     Attributes:
         words: in the table.
-        slow: standard deviation of a slow error of the sensor, m/s, and its memory, s.
+        family: of the vehicles.
+        slow: standard deviation of a slow error of each sensor, over that of its white noise, and its memory, s.
         mass: error of the stated mass, as a share, to either side.
         force: standard deviation of a force that drifts, N, and its memory, s.
         lag: of the thruster, s, from and to.
     """
 
     words: str
+    family: Family = SURGE
     slow: tuple[float, float] = (0.0, 1.0)
     mass: float = 0.0
     force: tuple[float, float] = (0.0, 1.0)
@@ -85,96 +174,108 @@ class Arm(NamedTuple):
 
 ARMS = {
     "A": Arm("nothing: white noise"),
-    "B": Arm("a slow error of the sensor", slow=(0.03, 5.0)),
+    "B": Arm("a slow error of the sensor", slow=(1.5, 5.0)),
     "C": Arm("a mass 5 % off", mass=0.05),
     "D": Arm("a force that drifts", force=(0.5, 5.0)),
     "E": Arm("a thruster that lags", lag=(0.3, 1.0)),
+    "F": Arm("three axes: white noise", THREE_AXES),
+    "G": Arm("three axes: slow errors", THREE_AXES, slow=(1.5, 5.0)),
 }
+CHECKED = ("A", "B", "F")
+"""Arms of which a few vehicles are compared by the full route."""
 
 
-def vehicle(arm: str, number: int) -> tuple[list[bool], list[st.Record]]:
+def vehicle(about: Arm, seed: str, number: int) -> tuple[list[bool], list[st.Record]]:
     """Return which of the optional terms a vehicle has, and its runs."""
-    about, random = ARMS[arm], np.random.default_rng([ord(arm), number])
-    present = random.random(len(OPTIONAL)) < 0.5
-    values = {
-        name: float(prior.mean + prior.sd * random.standard_normal()) for name, prior in {**ALWAYS, **OPTIONAL}.items()
-    }
-    values |= {name: 0.0 for name, is_there in zip(OPTIONAL, present, strict=True) if not is_there}
-    mass = MASS * (1.0 + about.mass * random.choice([-1.0, 1.0]))
-    lag = random.uniform(*about.lag)
-    return present.tolist(), [run(about, values, mass, lag, each, random) for each in range(RUNS)]
+    random = np.random.default_rng([ord(seed), number])
+    present, values = about.family.draw(random)
+    run = turning_runs if "r" in about.family.noise else surge_runs
+    return present.tolist(), run(about, values, random)
 
 
-def run(
-    about: Arm, values: Mapping[str, float], mass: float, lag: float, number: int, random: np.random.Generator
+def surge_runs(about: Arm, values: Mapping[str, float], random: np.random.Generator) -> list[st.Record]:
+    """Return three runs of 40 s in surge, sampled at 10 Hz."""
+    step, samples, fine = 0.1, 400, 5
+    mass = plain_vehicles.SURGE_MASS * (1.0 + about.mass * random.choice([-1.0, 1.0]))
+    lag, records = random.uniform(*about.lag), []
+    for number, hold in enumerate((3.0, 5.0, 8.0)):
+        n = held(TRIM, 60.0, hold, samples, step, random)
+        push = plain_vehicles.drift(*about.force, samples * fine, step / fine, random)
+        u = plain_vehicles.surge(values, n, step, mass=mass, lag=lag, push=push, fine=fine)
+        records.append(measured(about, {"n": n}, u[:, None], step, random, number))
+    return records
+
+
+def turning_runs(about: Arm, values: Mapping[str, float], random: np.random.Generator) -> list[st.Record]:
+    """Return two runs of 40 s with propeller and rudder, sampled at 5 Hz."""
+    step, samples, records = 0.2, 200, []
+    for number, hold in enumerate((4.0, 7.0)):
+        n = held(TRIM, 60.0, 2.0 * hold, samples, step, random)
+        rudder = held(0.0, 0.23, hold, samples, step, random)
+        motion = plain_vehicles.three_axes(values, n, rudder, step)
+        records.append(measured(about, {"n": n, "delta_r": rudder}, motion, step, random, number))
+    return records
+
+
+def held(
+    centre: float, reach: float, hold: float, samples: int, step: float, random: np.random.Generator
+) -> np.ndarray:
+    """Return a control that is drawn anew after each `hold` seconds."""
+    time = np.arange(samples) * step
+    return centre + random.uniform(-reach, reach, int(time[-1] / hold) + 1)[(time / hold).astype(int)]
+
+
+def measured(
+    about: Arm,
+    controls: dict[str, np.ndarray],
+    motion: np.ndarray,
+    step: float,
+    random: np.random.Generator,
+    number: int,
 ) -> st.Record:
-    """Return one run of a vehicle, by midpoint steps."""
-    hold = (3.0, 5.0, 8.0)[number % 3]
-    time = np.arange(SAMPLES) * STEP
-    command = TRIM + random.uniform(-60.0, 60.0, int(time[-1] / hold) + 1)[(time / hold).astype(int)]
-    push = drift(*about.force, SAMPLES * FINE, STEP / FINE, random)
-    h, u, n, shown = STEP / FINE, 1.5, command[0], np.empty(SAMPLES)
-    for i, wanted in enumerate(command):
-        shown[i] = u
-        for j in range(FINE):
-            turning = n if lag else wanted
-
-            def rate(u: float, n: float = turning, push: float = push[i * FINE + j]) -> float:
-                thrust = (1 - DEDUCTION) * (values["T_nabsn"] * n * abs(n) + values["T_un"] * u * n)
-                drag = values["X_u"] * u + values["X_uabsu"] * u * abs(u) + values["X_u3"] * u**3 + values["X_0"]
-                return (thrust + drag + push) / mass
-
-            u += h * rate(u + h / 2 * rate(u))
-            n += (wanted - n) * (1.0 - np.exp(-h / lag)) if lag else 0.0
-    measured = shown + drift(*about.slow, SAMPLES, STEP, random) + NOISE * random.standard_normal(SAMPLES)
-    return st.make_record(time, {"n": command, "u": measured}, CHANNELS, OWN, f"run {number}", between={"n": "held"})
+    """Return a run with the errors of its sensors."""
+    shown, (ratio, memory) = {}, about.slow
+    for true, (name, noise) in zip(motion.T, about.family.noise.items(), strict=True):
+        slow = plain_vehicles.drift(ratio * noise, memory, true.size, step, random)
+        shown[name] = true + slow + noise * random.standard_normal(true.size)
+    time, between = np.arange(len(motion)) * step, dict.fromkeys(controls, "held")
+    return st.make_record(time, controls | shown, about.family.channels, OWN, f"run {number}", between=between)
 
 
-def drift(sd: float, memory: float, count: int, step: float, random: np.random.Generator) -> np.ndarray:
-    """Return an Ornstein-Uhlenbeck process."""
-    kept, now, result = np.exp(-step / memory), sd * random.standard_normal(), np.empty(count)
-    for i in range(count):
-        result[i] = now
-        now = kept * now + sd * np.sqrt(1 - kept**2) * random.standard_normal()
-    return result
-
-
-def structures(records: list[st.Record]) -> tuple[list[tuple[bool, ...]], list[Posterior]]:
-    """Return all structures: which optional terms each has, and its posterior."""
-    priors = ALWAYS | OPTIONAL
-    model = st.load_vehicle("remus100_surge").build(free=list(priors))
-    whole = st.make_posterior(model, records, priors | NUISANCES, [st.Sensor("u")])
-    sets = [*product([False, True], repeat=len(OPTIONAL))]
-    absent = [{name for name, is_there in zip(OPTIONAL, each, strict=True) if not is_there} for each in sets]
-    return sets, [
-        replace(whole, present=np.array([float(name not in none) for name in whole.names])) for none in absent
-    ]
-
-
-def judge(present: list[bool], records: list[st.Record], draws: int) -> dict:
-    """Return the truth and the log evidences of all structures: within the model, by Laplace or importance sampling, and their gains."""
-    sets, posteriors = structures(records)
+def judge(family: Family, present: list[bool], records: list[st.Record]) -> dict:
+    """Return the truth and the log evidences of all structures by the fast route: within the model, by Laplace, and their gains."""
+    sets, posteriors = family.posteriors(records)
     modes, near = [], None
     for one in posteriors[::-1]:  # the full one first
         mode = st.find_mode(one, key=1, starts=16 if near else 256, tries=1 if near else 3, near=near)
         near = near or mode.by_name
         modes.insert(0, mode)
-    pairs, size = [*zip(posteriors, modes, strict=True)], ImportanceSettings(draws, 1024)
-    full = [importance_evidence(one, jax.random.key(7), mode, size).log_value for one, mode in pairs] if draws else None
     return {
         "present": present,
         "sets": sets,
         "within": [mode.log_evidence for mode in modes],
-        "full": full,
         "gain": log_evidence_gains(posteriors, modes, StatedErrors()),
     }
 
 
-def probabilities(rows: list[dict], of: str = "within", with_errors: bool = True) -> np.ndarray:
+def compared(family: Family, present: list[bool], records: list[st.Record]) -> dict:
+    """Return the same by the full route: importance sampling, and tempered SMC where a decision needs it, as `seatrial select` does."""
+    sets, posteriors = family.posteriors(records)
+    found = st.compare({str(i): one for i, one in enumerate(posteriors)}).evidences
+    return {
+        "present": present,
+        "sets": sets,
+        "within": [one.log_value for one in found],
+        "gain": [one.weighed - one.log_value for one in found],
+        "checked": sum("smc" in one.diagnostics["methods"] for one in found),
+    }
+
+
+def probabilities(rows: list[dict], with_errors: bool = True) -> np.ndarray:
     """Return the probability of each term, shape (vehicles, terms)."""
     result = []
     for row in rows:
-        logs = np.array(row[of]) + (np.array(row["gain"]) if with_errors else 0.0)
+        logs = np.array(row["within"]) + (np.array(row["gain"]) if with_errors else 0.0)
         weight = np.exp(logs - logs.max())
         result.append(weight / weight.sum() @ np.array(row["sets"], float))
     return np.clip(result, 1e-6, 1 - 1e-6)
@@ -215,8 +316,8 @@ def scored(stated: np.ndarray, truth: np.ndarray) -> dict:
 def main() -> None:
     """Simulate and judge what is not done yet, and write numbers, table and picture."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=200)
-    parser.add_argument("--full", type=int, default=10, help="vehicles with importance sampling too")
+    parser.add_argument("--records", type=int, default=400)
+    parser.add_argument("--full", type=int, default=7, help="vehicles of some arms that take the full route too")
     parser.add_argument("--redraw", action="store_true", help="only write table and picture again from the numbers")
     asked = parser.parse_args()
     if not asked.redraw:
@@ -229,96 +330,139 @@ def main() -> None:
 
 
 def results(records: int, full: int) -> dict:
-    """Return the scores of each arm, after what is not done yet; so many vehicles of each, and so many with importance sampling too."""
-    found, apart, both = {}, [], 0
-    for count, draws in ((records, 0), (full, 4096)):
-        for number in range(count):
-            for arm in ARMS:
-                _judged(arm, number, draws)
+    """Return the scores of each arm, after what is not done yet; so many vehicles of each, and so many of some by the full route too."""
+    for number in range(records):
+        for arm in ARMS:
+            _judge_next(arm, number, judge, _path(arm))
+    for number in range(full):
+        for arm in CHECKED:
+            _judge_next(arm, number, compared, _path(arm, "-full"))
+    found, routes = {}, {}
     for arm in ARMS:
-        done = _done(arm, 0)
+        if not (done := _done(_path(arm))):
+            continue
         truth = np.array([row["present"] for row in done])
         for words, with_errors in KINDS.items():
-            found[f"{arm}, {words}"] = scored(probabilities(done, with_errors=with_errors), truth)
-        if again := _done(arm, 4096):
-            both += len(again)
-            apart.append(float(np.abs(probabilities(again, "full") - probabilities(again)).max()))
-    return found | {
-        "largest difference of the full route": max(apart, default=None),
-        "vehicles of the full route": both,
-    }
+            found[f"{arm}, {words}"] = scored(probabilities(done, with_errors), truth)
+        if again := _done(_path(arm, "-full")):
+            apart = np.abs(probabilities(again) - probabilities(done[: len(again)]))
+            routes[arm] = {
+                "vehicles": len(again),
+                "largest": float(apart.max()),
+                "mean": float(apart.mean()),
+                "checked": sum(row["checked"] > 0 for row in again),
+            }
+    outside = {words: _outside(found, words) for words in KINDS}
+    return found | {"outside": outside, "full route": routes}
 
 
 def tables(found: dict) -> str:
-    """Return picture and table of the page."""
-    heads = "| the model lacks | probabilities | vehicles | slope | log score | expected | "
-    heads += " | ".join(["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]) + " |\n"
-    rows = [_row(about.words, words, found[f"{arm}, {words}"]) for arm, about in ARMS.items() for words in KINDS]
-    last = (
-        f"Of {found['vehicles of the full route']} vehicles, importance sampling moves a probability by "
-        f"{found['largest difference of the full route']:.2f} at most.\n"
-        if found["vehicles of the full route"]
-        else ""
+    """Return picture and tables of the page."""
+    bins = ["below .05", ".05 to .25", ".25 to .75", ".75 to .95", "above .95"]
+    heads = ["the model lacks", "probabilities", "vehicles", "slope", "log score", "less expected", *bins]
+    rows = [
+        _row(about.words, words, found[f"{arm}, {words}"]) for arm, about in _arms(found).items() for words in KINDS
+    ]
+    text = "![Share of terms that are there by stated probability](term_probabilities.svg)\n\n"
+    text += " ".join(
+        f"Shares outside their bars {words}: {out} of {count}." for words, (out, count) in found["outside"].items()
     )
-    picture = "![Share of terms that are there by stated probability](term_probabilities.svg)"
-    return f"{picture}\n\n{heads}|{'---|' * 11}\n" + "\n".join(rows) + f"\n\n{last}"
+    text += f"\n\n{_table(heads, rows)}\nThe full route beside the fast one, with every error:\n\n"
+    heads = ["the model lacks", "vehicles", "checked by tempered SMC"]
+    heads += ["largest difference of a probability", "mean difference"]
+    return text + _table(
+        heads,
+        [
+            [
+                ARMS[arm].words,
+                f"{one['vehicles']}",
+                f"{one['checked']}",
+                f"{one['largest']:.3f}",
+                f"{one['mean']:.4f}",
+            ]
+            for arm, one in found["full route"].items()
+        ],
+    )
 
 
-def reliability_figure(found: dict) -> Figure:
+def reliability_figure(found: dict, columns: int = 4) -> Figure:
     """Draw, for each arm, the share of terms that are there by the stated probability, and the 95 % bands of a binomial share."""
-    width, panel, left, top, bottom = 640.0, 108.0, 34.0, 22.0, 52.0
-    height, gap = panel + top + bottom, (width - left - 8 - 5 * panel) / 4
+    width, left, top, bottom, gap = 640.0, 34.0, 24.0, 24.0, 20.0
+    panel, rows = (width - left - 8 - (columns - 1) * gap) / columns, -(-len(_arms(found)) // columns)
+    height = rows * (panel + top + bottom) + 46.0
     figure = Figure(figsize=(width * POINT, height * POINT), dpi=72)
-    for i, (arm, about) in enumerate(ARMS.items()):
-        x = left + i * (panel + gap)
-        axes = style_axes(figure.add_axes((x / width, bottom / height, panel / width, panel / height)))
+    for i, (arm, about) in enumerate(_arms(found).items()):
+        x = left + i % columns * (panel + gap)
+        y = height - (i // columns + 1) * (panel + top + bottom) + bottom
+        axes = style_axes(figure.add_axes((x / width, y / height, panel / width, panel / height)))
         axes.plot([0, 1], [0, 1], color=MUTED, linewidth=0.8)
         for words, color, aside in zip(KINDS, (ORANGE, BLUE), (0.012, -0.012), strict=True):
             for true, said, count in found[f"{arm}, {words}"]["bins"]:
-                low, high = stats.binom(count, said).ppf([0.025, 0.975]) / count
+                low, high = band(said, count)
                 axes.plot([said + aside] * 2, [low, high], color=color, alpha=BAND, linewidth=5, solid_capstyle="butt")
                 draw_dots(axes, np.array([said + aside]), np.array([true]), color=color, size=3.0)
         axes.set_xlim(-0.04, 1.04)
         axes.set_ylim(-0.04, 1.04)
         axes.set_xticks([0, 0.5, 1], ["0", ".5", "1"])
-        axes.set_yticks([0, 0.5, 1], ["0", ".5", "1"] if i == 0 else ["", "", ""])
-        axes.set_title(about.words, fontsize=SMALL - 1, color=INK, pad=4, loc="left")
-    figure.text(
-        0.5,
-        24 / height,
-        "stated probability; upwards: share of terms that are there",
-        fontsize=SMALL,
-        color=INK,
-        ha="center",
-    )
+        axes.set_yticks([0, 0.5, 1], ["0", ".5", "1"] if i % columns == 0 else ["", "", ""])
+        axes.set_title(about.words, fontsize=SMALL, color=INK, pad=4, loc="left")
+    words = "stated probability; upwards: share of terms that are there"
+    figure.text(0.5, 26 / height, words, fontsize=SMALL, color=INK, ha="center")
     words = "blue: with every error; orange: within the model; bars: 95 % of the shares if the probability is right"
-    figure.text(0.5, 8 / height, words, fontsize=SMALL, color=INK, ha="center")
+    figure.text(0.5, 9 / height, words, fontsize=SMALL, color=INK, ha="center")
     return figure
 
 
-def _judged(arm: str, number: int, draws: int) -> None:
+def band(said: float, count: int) -> tuple[float, float]:
+    """Return between which shares 95 % of those of so many independent terms lie if the stated probability is right."""
+    low, high = stats.binom(count, said).ppf([0.025, 0.975]) / count
+    return float(low), float(high)
+
+
+def _arms(found: dict) -> dict[str, Arm]:
+    """Return the arms of which vehicles were judged."""
+    return {arm: about for arm, about in ARMS.items() if f"{arm}, {next(iter(KINDS))}" in found}
+
+
+def _outside(found: dict, words: str) -> tuple[int, int]:
+    """Return how many shares lie outside their bars, and how many there are."""
+    bins = [one for arm in _arms(found) for one in found[f"{arm}, {words}"]["bins"]]
+    inside = [low <= true <= high for true, said, count in bins for low, high in [band(said, count)]]
+    return inside.count(False), len(inside)
+
+
+def _judge_next(
+    arm: str, number: int, route: Callable[[Family, list[bool], list[st.Record]], dict], path: Path
+) -> None:
     """Judge a vehicle if that is not done yet."""
-    if number == len(done := _done(arm, draws)):
+    if number == len(done := _done(path)):
         STATE.mkdir(parents=True, exist_ok=True)
-        write_text(_path(arm, draws), json.dumps([*done, judge(*vehicle(arm, number), draws)]))
+        write_text(path, json.dumps([*done, route(ARMS[arm].family, *vehicle(ARMS[arm], arm, number))]))
 
 
-def _done(arm: str, draws: int) -> list[dict]:
-    return json.loads(_path(arm, draws).read_text()) if _path(arm, draws).exists() else []
+def _done(path: Path) -> list[dict]:
+    return json.loads(path.read_text()) if path.exists() else []
 
 
-def _path(arm: str, draws: int) -> Path:
-    return STATE / f"{arm}{'-full' if draws else ''}.json"
+def _path(arm: str, route: str = "") -> Path:
+    return STATE / f"{arm}{route}.json"
 
 
-def _row(lacks: str, words: str, one: dict) -> str:
+def _row(lacks: str, words: str, one: dict) -> list[str]:
     """Return one line of the table; of each bin the share that is true, and how many probabilities it has."""
     slope, error = one["slope"]
     cells = [""] * (len(EDGES) + 1)
     for true, said, count in one["bins"]:
         cells[int(np.digitize(said, EDGES))] = f"{true:.2f} of {count}"
-    numbers = f"{slope:.2f} ± {error:.2f} | {one['score']:.3f} | {one['expected']:.3f}"
-    return f"| {lacks} | {words} | {one['vehicles']} | {numbers} | " + " | ".join(cells) + " |"
+    numbers = f"{one['vehicles']}", f"{slope:.2f} ± {error:.2f}", f"{one['score']:.3f}"
+    excess = f"{one['score'] - one['expected']:.3f} ± {one['difference_error']:.3f}"
+    return [lacks, words, *numbers, excess, *cells]
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> str:
+    """Return a table of Markdown."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (heads, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(heads)}", *lines[1:]]) + "\n"
 
 
 if __name__ == "__main__":

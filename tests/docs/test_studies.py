@@ -21,6 +21,7 @@ import gpu
 import held_back
 import laboratory
 import paper_verdicts
+import shortlists
 import study_numbers
 import term_probabilities
 import towing_tank
@@ -28,6 +29,7 @@ import towing_tank
 PAGES = {
     "towing_tank": ("towing_tank", "", towing_tank.tables),
     "term_probabilities": ("term_probabilities", "", term_probabilities.tables),
+    "shortlists": ("shortlists", "", shortlists.tables),
     "false_terms": ("false_terms", "", false_terms.tables),
     "evidence": ("evidence", "", evidence.tables),
     "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),
