@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 ROUNDS, SETTLED = 9, 0.2  # Rounds in which sets are followed at most; move of a value, over its sd, that ends them
+MAX_DROP = 10.0  # Nats by which the best set may become less probable about the motion that it leads to
 WIDE_LAGS, CLOSE_LAGS, NEAR_LAG = 1.3, 1.05, 0.1  # Ratios about a lag that was found, and its move that narrows them
 LATE = "command lag", "delay", "backlash"  # Effects of two columns, whose size is between those of these
 MIN_LATE, MIN_LAG = 0.2, 0.02  # Share of a command that comes late, and lag, s, from which a lag is followed
@@ -259,8 +260,10 @@ def _follow_best(
     is_short = posterior.data.step.size < MIN_LONG_SAMPLES
     first = known = model = begin(is_short)
     z, sizes, lags = first.at.z, first.at.sizes, first.at.lags
+    best: Member | None = None
     for _ in range(ROUNDS):
-        if model is not None and (members := _sets_of(model, left_out)):
+        members = _sets_of(model, left_out) if model is not None else []
+        if model is not None and members and (best is None or members[0].log_density > best.log_density - MAX_DROP):
             known, best = model, members[0]
             k = len(known.moving)
             x, sizes = known.x.copy(), np.zeros(known.at.sizes.size)
@@ -282,6 +285,7 @@ def _follow_best(
     if known is first and not is_short:
         known = begin(True)
         best = known.average(left_out)[0]
+    assert best is not None, "of the motion at the mode sets are known"
     return known, best
 
 
