@@ -245,7 +245,7 @@ def _complaint(names: tuple[str, ...], plain: np.ndarray, plain_sd: np.ndarray, 
     if not moved[worst] > MAX_SHIFT_ERRORS:
         return ""
     return (
-        f"noise in the speed biases the plain regression: {names[worst]} comes out as {plain[worst]:.4g} ± {plain_sd[worst]:.2g}, "
-        f"and {refined[worst]:.4g} with the simulated speeds of the fitted vehicle, {moved[worst]:.0f} of those errors away. Use the "
+        f"noise in the speed biases the plain regression: {names[worst]} comes out as {plain[worst]:.4g} ± {plain_sd[worst]:.2g}. "
+        f"With the simulated speeds of the fitted vehicle it is {refined[worst]:.4g}, {moved[worst]:.0f} of those errors away. Use the "
         f"refined values as a first answer, then the output-error likelihood"
     )
