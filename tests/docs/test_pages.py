@@ -26,8 +26,8 @@ def test_the_readme_is_short():
     assert all((ROOT / "docs" / name).stat().st_size < 300_000 for name in ("report.png", "zigzag.png"))
     (python,) = (block for block in read_blocks(readme) if block.language == "python")
     assert len(python.lines) == 10
-    own_log = [block for block in read_blocks(readme) if any("--template log" in line for line in block.lines)]
-    assert len(own_log[0].lines) == 5
+    own_log = [block for block in read_blocks(readme) if any("--log log_1.csv" in line for line in block.lines)]
+    assert len(own_log[0].lines) == 4
 
 
 @pytest.mark.parametrize("path", [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")], ids=lambda path: path.name)

@@ -83,7 +83,7 @@ HEALTHY = {"r_hat": 1.001, "ess_bulk": 900.0, "ess_tail": 800.0, "geweke": 0.9, 
     ("change", "words"),
     [
         ({}, []),
-        ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "Run longer"]),
+        ({"r_hat": 1.02}, ["the chains disagree about X_u", "R-hat 1.020, at most 1.01", "Double warm-up"]),
         ({"r_hat": np.nan}, ["X_u never moved", "Check the prior"]),
         (
             {"ess_bulk": 120.0},

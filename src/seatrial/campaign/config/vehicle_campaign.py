@@ -93,7 +93,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str = "", log: Path | None = No
     if vehicle in surge_names():
         raise InputError(
             f"--vehicle {vehicle}",
-            found="a vehicle of surge alone",
+            found="a vehicle that moves in surge only",
             expected="a whole vehicle, whose axes are those that the log shows",
             remedy="leave --vehicle out: the campaign is then that of your own vehicle in surge",
         )
