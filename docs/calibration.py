@@ -299,7 +299,8 @@ def calibrations(found: dict) -> dict[str, Calibration]:
 
 def tables(found: dict) -> str:
     """Return picture and table of the page: coverage over all quantities of a case, the least p-value, and the verdict."""
-    heads = "| case | quantities | 50 % intervals hold | 90 % intervals hold | least p, all quantities together | ranks inside the bands |"
+    heads = "| case | quantities | coverage of 50 % intervals | coverage of 90 % intervals | "
+    heads += "least p, all quantities together | ranks inside the bands |"
     rows = []
     for name, one in found["cases"].items():
         half, most = (one[f"coverage of {share} %"].values() for share in (50, 90))
@@ -315,7 +316,8 @@ def tables(found: dict) -> str:
 
 def loop_table(found: dict) -> str:
     """Return the table of the vehicles under their autopilots, and the shares that right intervals have in 99 % of cases."""
-    text = "| vehicle | trials | coefficient | 90 % intervals hold | right ones would | ± over value, mean |\n|---|---|---|---|---|---|\n"
+    text = "| vehicle | trials | coefficient | coverage of 90 % intervals | range if they are right | "
+    text += "± divided by value, mean |\n|---|---|---|---|---|---|\n"
     for name, one in found.items():
         low, high = (f"{count / one['vehicles']:.1%}" for count in one["right"])
         for strategy, coefficients in one["inside and sd"].items():

@@ -363,11 +363,11 @@ def tables(found: dict) -> str:
     rows = [
         _row(about.words, words, found[f"{arm}, {words}"]) for arm, about in _arms(found).items() for words in KINDS
     ]
-    text = "![Share of terms that are there by stated probability](term_probabilities.svg)\n\n"
+    text = "![Share of terms that are present, by stated probability](term_probabilities.svg)\n\n"
     text += " ".join(
         f"Shares outside their bars {words}: {out} of {count}." for words, (out, count) in found["outside"].items()
     )
-    text += f"\n\n{_table(heads, rows)}\nThe full route beside the fast one, with every error:\n\n"
+    text += f"\n\n{_table(heads, rows)}\nComparison of the full route with the fast one, with every error:\n\n"
     heads = ["the model lacks", "vehicles", "checked by tempered SMC"]
     heads += ["largest difference of a probability", "mean difference"]
     return text + _table(

@@ -117,7 +117,7 @@ class FirstStructure(TypedDict):
 class Estimates(TypedDict, total=False):
     """`estimate`: `structures` by chains, `first_answers` with `--by mode` and `--by equation-error`.
 
-    `taken_as_exact` says which inertias and forces all coefficients scale with.
+    `taken_as_exact` names the inertias and forces with which all coefficients scale.
     """
 
     by: str
@@ -152,7 +152,7 @@ class Logs(TypedDict):
 
 
 class Criterion(TypedDict):
-    """One criterion of one structure with its Monte Carlo error; `unit` says which way is better."""
+    """One criterion of one structure with its Monte Carlo error; `unit` states whether higher or lower is better."""
 
     structure: str
     criterion: str
@@ -328,7 +328,7 @@ class Init(TypedDict):
 
 
 class Export(TypedDict, total=False):
-    """`export`: of a vehicle with its estimated coefficients and how far the target's motion leaves its own, or of a trial."""
+    """`export`: of a trial, or of a vehicle with its estimated coefficients and the differences between its motion and the target's."""
 
     target: str
     estimated: CoefficientEstimates

@@ -59,7 +59,7 @@ class Plan:
 
     Attributes:
         basis: state of knowledge from which it is planned.
-        stages: which coefficients are sought together, in order.
+        stages: coefficients that are estimated together, in order.
         steps: trials, in the order in which they are run.
         chance: that all goals are met after them.
         chance_error: its Monte Carlo standard error.

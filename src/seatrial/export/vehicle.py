@@ -55,7 +55,7 @@ class CoefficientEstimates:
         sd: its standard deviation, with all errors.
         covariance: of these standard deviations, with the correlations of the posterior.
         averaged: over all structures; none if there was only one.
-        quoted: whose values to quote, `chosen` or `averaged`; empty if nothing says so.
+        quoted: the values to quote, `chosen` or `averaged`; empty if this is not stated.
     """
 
     names: tuple[str, ...] = ()

@@ -80,7 +80,7 @@ class ClockSummary:
         name: of the column.
         unit: of its stamps.
         duration: from the first stamp to the last.
-        rate: rows per second, Hz, without the holes in which rows were lost.
+        rate: rows per second, Hz, without gaps in which rows were lost.
         jitter: standard deviation of the step, without these.
         gap: longest step.
         repeated: stamps equal to the one before.

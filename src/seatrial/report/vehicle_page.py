@@ -48,7 +48,7 @@ def vehicle_page(name: str, vehicle: PublishedVehicle) -> str:
     where = f"{speed:.4g} m/s straight ahead" if speed else "rest"
     senses = control_senses(model, vehicle.coefficients, speed)
     rows = [(name, sense_words(sense)) for name, sense in senses.items()]
-    intro = f"Signs are those of the source. A simulation gave the effects of a positive change, from {where}:"
+    intro = f"Signs are those of the source. The table shows the simulated effect of a positive change, from {where}:"
     parts += ["## Controls", intro, _table(("control", "a positive change"), rows)]
     if vehicle.actuators:
         parts += ["## Actuators", _table(("control", "lag, s", "limits", "rate"), _actuators(vehicle))]

@@ -149,8 +149,8 @@ class Member:
     Attributes:
         model: label of the structure.
         error_model: name of the model of the error.
-        crps: of a free simulation of each run, over that of the campaign's own setting, mean over channels and runs; lower is better.
-        weight: in the mixture that predicts the runs left out best.
+        crps: of a free simulation of each run, divided by that of the campaign's setting, mean over channels and runs; lower is better.
+        weight: in the mixture with the best predictions of left-out runs.
         delta: difference to the best in the sum of log densities, nats; 0 or less.
         std_error: of the difference, over runs.
         probability: by evidence, among the structures under the same model of the error.
@@ -167,7 +167,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Stack:
-    """All candidates with a result beside each other, the best first.
+    """All candidates with a result, the best first.
 
     Attributes:
         members: candidates.

@@ -36,7 +36,7 @@ class Evidence:
         std_error: its Monte Carlo standard error.
         method: how it was computed.
         diagnostics: numbers that say whether to trust it.
-        status: empty if healthy, else what is wrong in words.
+        status: empty if healthy, else the fault in words.
         with_errors: the log marginal likelihood with every error of sensors, stated inputs and model, nats; None if it is not known.
     """
 
@@ -153,7 +153,7 @@ class Selection:
         inclusion_error: its Monte Carlo standard error.
         chosen: index of the most probable structure.
         verdicts: one sentence for each question.
-        alarms: evidences that are not to be trusted and on which a verdict depends.
+        alarms: unreliable evidences on which a verdict depends.
         outside: probability of all structures that a screening left out and that were not simulated.
         structure_prior: how probable structures are before the data, `equal` or `multiplicity`.
     """

@@ -99,7 +99,7 @@ class FirstAnswer:
         causes: what adds most to those that are not mostly noise, in words.
         contains: what the standard deviations contain, and how to reduce what adds most.
         drawn: draws about the mode, of which the next trial is designed; None if there is no mode.
-        symmetry: sentences on which sides of the vehicle the data find alike.
+        symmetry: sentences that name sides of the vehicle without a difference in the data.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
     """
 

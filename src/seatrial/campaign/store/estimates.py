@@ -112,7 +112,7 @@ class Estimate:
         left_out: effects that the structure lacks and its coefficients hide, the most harmful first.
         contains: contents of the standard deviations, in words.
         causes: the largest part of each that is not mostly noise, in words, by parameter.
-        cause_findings: which of them have which cause, and how to reduce it.
+        cause_findings: the causes, their coefficients and the remedies.
         tried_effects: effects that the structure may lack and that were tried, in words.
     """
 

@@ -25,7 +25,7 @@ class Fit(Score):
         channel: measured channel.
         verdict: verdict on the scores.
         outside: parts of a held-back record that leave the fitted range of states and inputs, in words.
-        ahead: how far ahead a held-back record is predicted that is not predicted as a whole, and why, in words; else empty.
+        ahead: if a held-back record is not predicted as a whole, its prediction horizon and the reason, in words; else empty.
     """
 
     record: str

@@ -44,14 +44,14 @@ class Summary:
         inclusion_error: its Monte Carlo standard error.
         verdicts: which terms the data support, in words.
         cautions: limits of the numbers.
-        findings: those of them that have codes, and accepted ones.
+        findings: cautions and alarms that have codes, and accepted ones.
         alarms: health checks that failed.
-        choice_alarms: those of them that are about the probabilities of models and terms.
+        choice_alarms: alarms about the probabilities of models and terms.
         usable: whether none of these is about the chosen structure's numbers.
         known: state of knowledge of each parameter.
         fits: how each channel of each record is predicted.
         pooled: how each channel of all held-back records together is predicted.
-        baselines: how the model stands beside simple predictors on the held-back records, channel by channel.
+        baselines: comparison of the model with simple predictors on the held-back records, channel by channel.
         next_trial: the next trial.
         averaged: each parameter averaged over the structures.
         quoted: whose values to quote, by `QUOTED`.

@@ -55,7 +55,7 @@ class KnownParameter:
 
 @dataclass(frozen=True)
 class Direction:
-    """A change of several parameters at once that the data alone know to one standard error.
+    """A joint change of several parameters that equals one standard error of the data, without priors.
 
     Attributes:
         sd: length of the change, 1 / sqrt(eigenvalue).
@@ -77,8 +77,8 @@ class Known:
         structure: label of the structure.
         parameters: one by one.
         directions: together, the best known first; empty if the model has no derivatives.
-        verdict: sentences that name combinations that are known although their parts are not, and a trial that would separate them.
-        symmetry: sentences on which sides of the vehicle the data find alike.
+        verdict: sentences that name well-known combinations of unknown coefficients, and a trial that would separate them.
+        symmetry: sentences that name sides of the vehicle without a difference in the data.
     """
 
     stage: str

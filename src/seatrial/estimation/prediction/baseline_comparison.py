@@ -56,14 +56,14 @@ class PooledScore:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A model beside the baselines, of one channel.
+    """A comparison of a model with the baselines, for one channel.
 
     Attributes:
         channel: measured channel.
         ours: scores of the model.
         baselines: scores of the baselines, the best first.
-        p_value: probability that the better of the model and the best baseline leads by so much by chance. If the baseline is better, it is
-            multiplied by the number of baselines (Bonferroni).
+        p_value: probability that chance explains the lead of the better one of the model and the best baseline. If the baseline is
+            better, it is multiplied by the number of baselines (Bonferroni).
         level: pass if the model is best, caution if it is not, fail if a baseline is clearly better, by more than chance.
         by_run: mean CRPS of the model and of the best baseline in each run that measures the channel.
         is_simpler: whether the best baseline has other equations than the model.

@@ -97,7 +97,7 @@ class LongRunVariance(NamedTuple):
 
 @dataclass(frozen=True)
 class Score:
-    """How one channel of one run, or of several together, is predicted. Numbers that do not exist are 0, and `missing` says why.
+    """How one channel of one run, or of several together, is predicted. Numbers that do not exist are 0, and `missing` gives the reason.
 
     Attributes:
         samples: measured samples.
@@ -111,17 +111,17 @@ class Score:
         coverage: share of samples inside the 90 % band.
         lower: lower end of the 95 % range of that share.
         upper: upper end.
-        p_value: probability that bands as stated hold so few, or leave errors so large.
+        p_value: probability that right bands contain so few samples, or have errors so large.
         variance: mean square of the normalised residuals, 1 if errors are as large as stated.
         widen: factor on the half-width of the bands with which 90 % of the samples would lie inside.
         widen_lower: lower end of its 95 % range.
         widen_upper: upper end.
         pit: histogram of the probability integral transform, shares that would all be 1 / 10.
-        white: probability that white noise shows residuals as correlated as those that should be white.
+        white: probability that white noise is as correlated as the residuals that should be white.
         sd_factor: factor by which standard deviations of slow quantities are too small if these residuals are taken as white.
-        noise_share: share of the measured variance that is noise of the size the fit found; 1 without a variance.
+        noise_share: share of the measured variance that the fitted noise explains; 1 if the variance is zero.
         noise_sd: standard deviation of that noise, in the channel's SI unit.
-        coefficient_share: share of the predicted variance that comes from the coefficients being uncertain.
+        coefficient_share: share of the predicted variance that comes from the uncertainty of the coefficients.
         missing: empty, or why some numbers do not exist.
     """
 
