@@ -48,7 +48,7 @@ def tables(numbers: dict) -> str:
     lines += [
         "",
         f"The next table gives the share of alarms if one of k quantities is wrong, with {REPLICATES} replicates. "
-        f"Each share is from {WRONG} simulated campaigns, so it is known to 4 %.",
+        f"Each share comes from {WRONG} simulated campaigns, so its standard error is at most 4 %.",
         "",
         f"| actual errors divided by stated ones | {' | '.join(f'k = {k}' for k in QUANTITIES)} |",
         f"|{'---|' * 5}",

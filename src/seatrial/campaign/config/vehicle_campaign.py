@@ -44,7 +44,8 @@ _OF_FORCE = (
     ('from = "50 rpm", to = "300 rpm"', 'from = "5 N", to = "20 N"'),
 )
 _LAW = """# Thrust of a command in N, by powers of the pulse width less neutral: a guess, about a common thruster of small ROVs at 16 V.
-# Put the maker's table in its place: curve = "thrust.csv", two columns with a header, the command and the thrust in N.
+# Replace polynomial, neutral, dead_zone and reverse by the maker's table: curve = "thrust.csv".
+# It has two columns with a header, the command and the thrust in N.
 # A reversed propeller has a falling curve: give it a separate law.
 [vehicle.thrust_laws.all]
 polynomial = [0.0, 0.081, 0.0, 2.9e-7]

@@ -53,7 +53,7 @@ CASES = {
     "plan": Case("I plan a trial", "A first trial is designed within the limits that you state.", has_log=False),
     "bag": Case(
         "I have an ROV bag",
-        "ROS bag, ArduSub or PX4 log of a BlueROV2 Heavy. In a shell: `seatrial init DIR --vehicle bluerov2_heavy --log dive.bag`",
+        "ROS bag, ArduSub or PX4 log of a BlueROV2 Heavy. In a shell: `seatrial init DIR --vehicle bluerov2_heavy --log dive_bag`",
         "bluerov2_heavy",
     ),
 }
