@@ -2,19 +2,18 @@
 
 Vehicles with eight terms in question have 256 structures, of which a campaign simulates the six that its screening finds most probable.
 As in `term_probabilities.py` the priors decide which terms a vehicle has, and a plain loop simulates it with white noise; a campaign
-screens its records. It is counted whether the true structure is among the six; where it is not, its evidence is compared with the best of
+screens its records. It is counted whether the true structure is among the six; if it is not, its evidence is compared with the best of
 theirs. What is done is kept in outputs/shortlists. Writes docs/dev/shortlists.json and the table in docs/dev/shortlists.md.
 """
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import plain_vehicles
 import study_numbers
-from term_probabilities import ARMS, SURGE, THREE_AXES, Arm, vehicle
+from term_probabilities import ARMS, SURGE, THREE_AXES, Arm, masked, vehicle
 
 import seatrial as st
 from seatrial.campaign.config.campaign import Campaign
@@ -59,7 +58,7 @@ fixed = {{ {", ".join(f"{name} = {value}" for name, value in plain_vehicles.ADDE
 
 
 def campaign_of(arm: str) -> Campaign:
-    """Return the campaign that is told of an arm's vehicles what the study knows of them."""
+    """Return the campaign of an arm's vehicles, with all that the study takes for known."""
     family, folder = WIDER[arm].family, STATE / arm
     noises = {name: prior for name, prior in family.nuisances.items() if name.startswith("sigma")}
     priors = {**family.always, **family.optional, **noises}
@@ -81,12 +80,12 @@ def campaign_of(arm: str) -> Campaign:
 
 
 def judge(campaign: Campaign, arm: Arm, seed: str, number: int) -> dict:
-    """Return the truth of a vehicle, what the screening says of it, and what the shortlist lacks if the truth is not on it."""
+    """Return whether the truth of a vehicle is on the shortlist, the probability of the list, and the evidence lost if it is not."""
     present, records = vehicle(arm, seed, number)
     optional, trials = list(arm.family.optional), Trials(tuple(records), (), f"{seed} {number}")
     try:
         structures = with_shortlist(campaign, trials).shortlist
-    except InputError:  # the records do not tell the terms apart
+    except InputError:  # the records do not separate the terms
         return {"listed": None, "covered": 0.0, "lost": None}
     listed = [[one in structure.terms for one in optional] for structure in structures]
     screened = screen_terms(campaign, trials).data["probability"].values[: len(listed)]
@@ -98,8 +97,7 @@ def judge(campaign: Campaign, arm: Arm, seed: str, number: int) -> dict:
 def evidence_lost(campaign: Campaign, optional: list[str], sets: list[list[bool]], records: list[st.Record]) -> float:
     """Return the log evidence, with every error, of the best of some structures less that of the last, which is the true one."""
     whole = build_posterior(campaign, campaign.full, records)
-    absent = [{one for one, is_there in zip(optional, some, strict=True) if not is_there} for some in sets]
-    posteriors = [replace(whole, present=np.array([float(one not in none) for one in whole.names])) for none in absent]
+    posteriors = masked(whole, optional, sets)
     near = st.find_mode(whole, key=1).by_name
     modes = [st.find_mode(one, key=1, starts=16, tries=1, near=near) for one in posteriors]
     gains = log_evidence_gains(posteriors, modes, StatedErrors())
@@ -136,7 +134,7 @@ def done(name: str) -> list[dict]:
 
 
 def counted(rows: list[dict]) -> dict:
-    """Return how often the truth is on the shortlist, with the error of a binomial share, and what is lost where it is not."""
+    """Return how often the truth is on the shortlist, with the error of a binomial share, and the evidence lost if it is not."""
     count, rows = len(rows), [row for row in rows if row["listed"] is not None]
     share = float(np.mean([row["listed"] for row in rows]))
     lost = np.array([row["lost"] for row in rows if not row["listed"]])

@@ -95,10 +95,13 @@ class Family(NamedTuple):
         model = self.vehicle().build(free=list(priors))
         whole = st.make_posterior(model, records, priors | {**self.nuisances}, [st.Sensor(one) for one in self.noise])
         sets = [*product([False, True], repeat=len(self.optional))]
-        absent = [{name for name, is_there in zip(self.optional, one, strict=True) if not is_there} for one in sets]
-        return sets, [
-            replace(whole, present=np.array([float(name not in none) for name in whole.names])) for none in absent
-        ]
+        return sets, masked(whole, [*self.optional], sets)
+
+
+def masked(whole: Posterior, optional: Sequence[str], sets: Sequence[Sequence[bool]]) -> list[Posterior]:
+    """Return the posterior of each structure: that of all terms without the optional ones that the structure lacks."""
+    absent = [{name for name, is_there in zip(optional, one, strict=True) if not is_there} for one in sets]
+    return [replace(whole, present=np.array([float(name not in none) for name in whole.names])) for none in absent]
 
 
 SURGE = Family(

@@ -12,12 +12,12 @@ from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.check import check_records
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import modes
-from seatrial.campaign.inference.model_error import remedies_of
+from seatrial.campaign.inference.model_error import left_out, remedies_of
 from seatrial.campaign.inference.posterior import build_posterior
 from seatrial.core.errors import InputError
 from seatrial.core.findings import Finding
 from seatrial.estimation.diagnostics.error_budget import EXACT
-from seatrial.estimation.diagnostics.error_sources import lay_out
+from seatrial.estimation.diagnostics.error_sources import Effect, lay_out
 from seatrial.estimation.diagnostics.prior_checks import _remedy
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform
@@ -359,3 +359,15 @@ def test_a_velocity_that_is_given_needs_no_sensor(tmp_path):
         assert [one for one in judged.findings if one.code == "channel-unused"] == []
     text = (folder / "campaign.toml").read_text()
     assert load(folder, text + '[sensors.u]\nnoise = "0.01 m/s"\n') is not None
+
+
+@pytest.mark.parametrize(("size", "way"), [(0.1, "delay-of-actuators"), (-0.004, "measured-command")])
+def test_a_delay_below_zero_is_an_error_of_clocks(size, way):
+    """A prior of the delay from 0 on would leave out the value that was found."""
+    found = SimpleNamespace(
+        effect=Effect("delay", "", "s"), alike=(), shift=np.array([3.0]), log_odds=9.0, size=size, sd=0.001
+    )
+    posterior = SimpleNamespace(likelihood=SimpleNamespace(model=SimpleNamespace(per_unit_mass=False)))
+    budget = SimpleNamespace(names=("X_u",), omitted=(found,))
+    (finding,) = left_out(posterior, SimpleNamespace(terms=("X_u",)), budget)
+    assert finding.remedies == (way,)

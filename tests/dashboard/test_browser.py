@@ -356,7 +356,7 @@ def test_from_nothing_to_a_schedule_by_the_page_alone(tmp_path, page):
         assert noise.input_value() == "5 apples"
         noise.fill("0.05 m/s")
         page.get_by_role("button", name="Show the campaign file").click()
-        page.get_by_text("It can be used").wait_for()
+        page.get_by_text("The campaign file can be used").wait_for()
         assert list(root.iterdir()) == []
         page.get_by_role("button", name="Begin", exact=True).click()
         page.wait_for_url("**/design?campaign=boat")
@@ -601,7 +601,7 @@ def test_what_is_wrong_with_a_new_campaign_stands_beside_its_field(tmp_path, pag
         page.get_by_role("option", name="X_u: linear damping").click()
         learn.press("Escape")
         page.get_by_role("button", name="Show the campaign file").click()
-        page.get_by_text("It can be used.").wait_for()
+        page.get_by_text("The campaign file can be used.").wait_for()
         assert tomllib.loads(page.locator("#main pre").inner_text())["structure"].get("optional", []) == []
     assert page.said == []
 

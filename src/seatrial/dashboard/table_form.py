@@ -45,7 +45,7 @@ class TableForm:
         notes: beside the names of tables.
         messages: element for what concerns the form as a whole; it may stay when the form is built again.
         first: label of each value that is asked for at first, by key; all others are folded. Without any nothing is folded.
-        elsewhere: says what is wrong beside a field of another form, and returns whether there is one.
+        elsewhere: shows an error next to a field of another form, and returns whether there is one.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class TableForm:
                 if self.first is not None and key not in self.first:
                     self.more.props("open")
             if key is not None or self.elsewhere(error):
-                error = "Some fields are wrong: see the messages beside them. Nothing was written."
+                error = "Some fields are wrong: see the messages next to them. Nothing was written."
         self.messages.clear()
         with self.messages:
             say(error)

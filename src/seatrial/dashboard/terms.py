@@ -19,7 +19,7 @@ PRODUCTS = {
     "M": ("uw", "uq", "w", "uudelta_s"),
     "N": ("uv", "ur", "v", "uudelta_r"),
 }
-"""Products of motions and controls on which a force or moment often depends, beside those of its own motion."""
+"""Products of motions and controls on which a force or moment often depends, in addition to its own motion."""
 OF_PROPULSION = {
     "T_nabsn": "thrust of the propeller",
     "T_un": "loss of thrust with speed ahead",
@@ -36,7 +36,7 @@ _TURNS = {"from above": 1, "from starboard": -1, "from astern": 1}
 
 
 def kinds_of(axis: str) -> dict[str, str]:
-    """Return the usual terms of an axis, each with what it is in words."""
+    """Return the usual terms of an axis, each with its meaning."""
     if axis not in SPEEDS:
         return {name: words for name, words in OF_PROPULSION.items() if name.startswith(axis)}
     own, force = SPEEDS[axis], "force" if AXES[axis][0] == FORCE else "moment"
@@ -52,7 +52,7 @@ def kinds_of(axis: str) -> dict[str, str]:
 
 
 def words_of(name: str) -> str:
-    """Return what a term is in words; empty if it is none of the usual ones."""
+    """Return the meaning of a term; empty if it is none of the usual ones."""
     return kinds_of(name[0]).get(name, "")
 
 
@@ -128,7 +128,7 @@ def _turns(name: str) -> bool:
 
 
 def _arrow(name: str, view: str, kind: str, place: int) -> Markup:
-    """Draw an arrow, or an arc about the vehicle; those of further motions beside those before."""
+    """Draw an arrow, or an arc about the vehicle; each further motion has a separate place."""
     if _turns(name):
         size, sense = 52 - 9 * place, _TURNS[view]
         points = [(size * cos(radians(a)), sense * size * sin(radians(a))) for a in range(-60, 61, 5)]

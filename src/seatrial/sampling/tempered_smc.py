@@ -183,7 +183,7 @@ def sample_tempered_smc(
 
 
 class _Population(NamedTuple):
-    """Equally weighted particles on their way: if they are, b, and the logarithm of the scale of their moves."""
+    """Equally weighted particles on their way: their places, b, and the logarithm of the scale of their moves."""
 
     at: Particles
     temperature: Array | np.ndarray

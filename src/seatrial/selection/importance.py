@@ -51,7 +51,7 @@ class ProposalComponent(NamedTuple):
         centre: where, in z; on the straight line of z of what leans on a bound; shape (d,).
         factor: triangular factor of the scale matrix there, shape (d, d).
         share: of the draws.
-        edges: of what leans, if it is cut, shape (d, 2), infinite of all else.
+        edges: at which a leaning component is cut, shape (d, 2); infinite for all others.
     """
 
     centre: Float[np.ndarray, " d"]

@@ -6,7 +6,7 @@ where the model without the term is the one with c = 0 and the same independent 
 unconstrained z of c, whose prior has no edges. The posterior density at 0 is that of a fitted normal g, corrected by a kernel
 average of its own error (Hjort and Glad, Annals of Statistics 23, 1995): g(z0) mean[K_h(z - z0) / g(z)].
 
-What it cannot see: a mode the draws never visited, and anything at 0 if no draws are, however well the fit looks.
+What it cannot see: a mode the draws never visited, and the density at 0 if no draws are near, however good the fit looks.
 """
 
 from collections.abc import Callable

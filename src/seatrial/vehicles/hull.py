@@ -149,7 +149,7 @@ def net_and_righting(hull: Hull, params: Params) -> tuple[Any, tuple[Any, Any, A
 
 
 def rigid_mass_matrix(hull: Hull) -> Float[np.ndarray, "6 6"]:
-    """Return M_RB; the unit matrix where the mass is unknown, and moments of inertia of 0 if they are."""
+    """Return M_RB; the unit matrix if the mass is unknown, and 0 for unknown moments of inertia."""
     if hull.mass is None:
         return np.eye(6)
     x, y, z = (hull.mass * part for part in hull.centre_of_gravity)

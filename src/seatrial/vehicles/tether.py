@@ -25,7 +25,7 @@ class Tether:
     """A tether; `whole_vehicle` checks it.
 
     Attributes:
-        point: if it is made fast, from the body's origin, body axes, m.
+        point: of attachment, from the body's origin, body axes, m.
         linear: k_1, kg/s, which is N s/m.
         quadratic: k_2, kg/m.
     """

@@ -219,7 +219,7 @@ class Campaign:
         return tuple(biases + [CURRENT] * (self.estimation.current == "own"))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
-        """1 if each sensor gives a sample, 0 between, shape (n, m)."""
+        """1 at the samples of each sensor, 0 between, shape (n, m)."""
         columns = []
         for sensor in self.sensors.values():
             every = round(1.0 / (sensor.rate * (time[1] - time[0])))
@@ -360,7 +360,7 @@ class Campaign:
             raise InputError(
                 self.where(f"vehicle.trim.{missing[0]}"),
                 found="nothing",
-                expected=f"the value at which {' and '.join(missing)} keeps while a trial moves another control",
+                expected=f"the value of {' and '.join(missing)} while a trial moves another control",
                 remedy=f"add to the trim of [vehicle], for example {example}",
             )
         return tuple((name, known.get(name, 0.0)) for name in commands)

@@ -56,7 +56,9 @@ def left_out(posterior: Posterior, structure: Structure, budget: ErrorBudget) ->
                 "unit": one.effect.unit,
                 "shift": float(one.shift[worst]),
             }
-            remedies = remedies_of(posterior, [one.effect])
+            # A command cannot act before it is given: a negative delay is an error of clocks.
+            is_early = one.effect.kind in ("delay", "command lag") and one.size < 0
+            remedies = REMEDIES["clock"] if is_early else remedies_of(posterior, [one.effect])
             missing.append(Finding("effect-missing", "caution", (budget.names[worst],), values, remedies))
     return tuple(sorted(missing, key=lambda finding: -abs(float(finding.values["shift"]))))  # pyright: ignore[reportArgumentType]
 

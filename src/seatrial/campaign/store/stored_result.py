@@ -186,7 +186,7 @@ class StepState(NamedTuple):
 
 @dataclass(frozen=True)
 class StoredResult(Generic[Result]):
-    """One result of a step: if it is kept, what it depends on, and its type, by which it is read and written.
+    """One result of a step: its place, its key, and its type, by which it is read and written.
 
     Attributes:
         path: of the file; NetCDF or JSON, as its name says.

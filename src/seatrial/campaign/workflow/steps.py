@@ -52,7 +52,7 @@ class Work(NamedTuple):
     Attributes:
         compute: returns its result; what is stored and current is read, all else computed and stored.
         stored: what it stores, found from the same needs of which only the keys are known; None for what is only derived from others.
-        seen: what other steps see of it if only keys are looked at, from what is stored and the needs; it raises `NotCurrent`.
+        seen: stand-in for its result while only keys are compared, from stored results and the needs; it raises `NotCurrent`.
     """
 
     compute: Callable[..., Any]

@@ -216,7 +216,7 @@ class Start:
                 field.value = f"{value} {mapped.values['unit'] or shown_unit(channel)[1]}"
 
     def _complain(self, error: InputError) -> bool:
-        """Say what is wrong beside a field that is not one of the file's values; returns whether there is one."""
+        """Show an error next to the field of a column or of the terms; return whether there is such a field."""
         at = re.search(r"channels\.([A-Za-z0-9_]+)(?:\.(\w+))?", error.where)
         if at is not None and at[1] in self.rows:
             self.rows[at[1]].complain(beside(error), at[2])
@@ -227,8 +227,7 @@ class Start:
         return False
 
     async def _text(self) -> tuple[Path, str, tuple[str, ...]] | None:
-        """Check everything; returns the new folder, the text of its file and what is worth correcting in it, or None if something is
-        wrong, which is shown."""
+        """Check all fields; return the new folder, the text of its file and the cautions about it, or None after errors were shown."""
         self.messages.clear()
         self.name.error = None
         for row in self.rows.values():
@@ -249,7 +248,7 @@ class Start:
             row.complain(f'Write the unit, such as "{shown_unit(row.channel)[1]}".', "unit")
         if folder is None or form is None or unmapped or without_unit:
             with self.messages:
-                say("Some fields are wrong: see the messages beside them. Nothing was written.")
+                say("Some fields are wrong: see the messages next to them. Nothing was written.")
             return None
         more: Answers = (("campaign.name", folder.name),)
         if self.learnt is not None:
@@ -265,7 +264,7 @@ class Start:
     async def _preview(self) -> None:
         if (made := await self._text()) is not None:
             with self.messages:
-                words = '<p class="done" role="status">It can be used.</p>{}<pre tabindex="0">{}</pre>'
+                words = '<p class="done" role="status">The campaign file can be used.</p>{}<pre tabindex="0">{}</pre>'
                 markup(Markup(words).format(cautions_html(made[2]), made[1]))
 
     async def _begin(self) -> None:

@@ -150,7 +150,7 @@ def groups(correlation: Float[np.ndarray, "d d"], threshold: float) -> list[list
 
 
 def _eliminated(rows: Float[np.ndarray, "r d"]) -> Float[np.ndarray, "r d"]:
-    """Return the same space by rows of which each has a one if the others have zeros: Gauss and Jordan, largest pivots."""
+    """Return the same space by rows of which each has a one in a column of zeros of the others: Gauss and Jordan, largest pivots."""
     rows, free = rows.copy(), list(range(len(rows)))
     while free:
         which, column = np.unravel_index(np.argmax(np.abs(rows[free])), rows[free].shape)

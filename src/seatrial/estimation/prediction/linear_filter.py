@@ -33,7 +33,7 @@ class Motion(NamedTuple):
 
     Attributes:
         state: about which it is linear, shape (samples, ..., n).
-        moved: if that is one step later, shape (samples, ..., n).
+        moved: those places one step later, shape (samples, ..., n).
         by_state: slopes of that by the state, shape (samples, ..., n, n).
         by_force: by the mean force over the step, shape (samples, ..., n, a).
         shown: what the sensors show, shape (samples, ..., m).

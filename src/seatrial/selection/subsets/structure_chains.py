@@ -64,7 +64,7 @@ class Chains:
     """The state of the walkers, one on each rung of the ladder of each chain.
 
     Attributes:
-        codes: if they are, bit i for term i, terms always there included, shape (walkers,).
+        codes: structure of each walker, bit i for term i, with the terms that are always there, shape (walkers,).
         matrix: swept on the optional terms that are there, shape (walkers, k+1, k+1).
         places: walker on each rung of each ladder, the cold rung first, shape (chains, rungs).
     """
