@@ -81,11 +81,12 @@ def campaign_of(arm: str) -> Campaign:
 
 def judge(campaign: Campaign, arm: Arm, seed: str, number: int) -> dict:
     """Return whether the truth of a vehicle is on the shortlist, the probability of the list, and the evidence lost if it is not."""
-    present, records = vehicle(arm, seed, number)
-    optional, trials = list(arm.family.optional), Trials(tuple(records), (), f"{seed} {number}")
+    optional = list(arm.family.optional)
     try:
+        present, records = vehicle(arm, seed, number)
+        trials = Trials(tuple(records), (), f"{seed} {number}")
         structures = with_shortlist(campaign, trials).shortlist
-    except InputError:  # the records do not separate the terms
+    except InputError:  # the records do not separate the terms, or the motion diverges
         return {"listed": None, "covered": 0.0, "lost": None}
     listed = [[one in structure.terms for one in optional] for structure in structures]
     screened = screen_terms(campaign, trials).data["probability"].values[: len(listed)]
