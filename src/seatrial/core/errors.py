@@ -102,5 +102,6 @@ def install_extra(extra: str) -> str:
 def nearest(name: object, allowed: Iterable[str], otherwise: str = "") -> str:
     """Return the remedy for a misspelt name: the nearest allowed one, else `otherwise`, by default the whole list."""
     names = list(allowed)
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    same = [one for one in names if one.lower() == str(name).lower()]
+    close = same or difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
     return f'did you mean "{close[0]}"?' if close else otherwise or "use one of: " + ", ".join(names)

@@ -57,7 +57,7 @@ def load_campaign(folder: Path | str) -> Campaign:
             str(path),
             found="no such file",
             expected=f"a campaign folder with {FILE_NAME}",
-            remedy=f"create one with `seatrial init {folder}`",
+            remedy=f"correct the path, or create one with `seatrial init {folder} --log FILE` or, without a log, `seatrial init {folder}`",
         )
     return check_text(folder, read_text(path))
 
