@@ -85,6 +85,7 @@ term that is left out is 0. Also allowed:
 | `lag_CHANNEL` | s | time constant of a sensor |
 | `sigma_CHANNEL` | that of the channel | its noise, if it is not that of `[sensors]` |
 | `tau_CHANNEL`, `dof_CHANNEL` | s, 1 | correlation time of that noise, or degrees of freedom of its heavy tails |
+| `share_CHANNEL` | 1 | part of that noise in proportion to the signal, divided by the signal |
 | `lag_CONTROL` | s | time constant of an actuator, which no structure has |
 | `net_weight`, `x_b`, `gain_f`, `tether_linear`, … | that of its prior | another unknown of the vehicle that has a prior |
 | `process_STATE` | that of the state | process noise: standard deviation that a state gains in one second |

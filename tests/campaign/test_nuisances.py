@@ -30,6 +30,7 @@ ASKED = {
     "coloured": ("", 'residuals = "coloured"', ["sigma_u", "tau_u"]),
     "drifting": ("", 'residuals = "drifting"', ["sigma_u", "drift_u", "drift_time_u"]),
     "heavy": ('residuals = "heavy"', "", ["sigma_u", "dof_u"]),
+    "proportional": ('residuals = "proportional"', "", ["sigma_u", "share_u"]),
     "lag": ("lag = true", "", ["sigma_u", "lag_u"]),
     "shared bias": ('bias = "shared"', "", ["sigma_u", "bias_u"]),
     "own bias": ('bias = "own"', "", ["sigma_u", "bias_u[a]", "bias_u[b]"]),

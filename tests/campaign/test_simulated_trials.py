@@ -249,6 +249,8 @@ def test_true_noise_may_be_correlated_or_have_heavy_tails(tmp_path):
     assert abs(np.corrcoef(coloured[:-1], coloured[1:])[0, 1] - rho) < 4 * np.sqrt((1 - rho**2) / N)
     heavy = shown(campaign(tmp_path / "h", ("[truth]", "[truth]\nsigma_u = 0.2\ndof_u = 1.0")))[0] - speed(rev)
     assert abs(np.mean(np.abs(heavy) > 0.2) - 0.5) < 4 * 0.5 / np.sqrt(N)
+    share = shown(campaign(tmp_path / "p", ("[truth]", "[truth]\nsigma_u = 0.01\nshare_u = 0.1")))[0] / speed(rev) - 1.0
+    assert abs(np.mean(np.abs(share) > 0.1) - 0.317) < 0.01 + 4 * np.sqrt(0.22 / N)
     both = "[truth]\nsigma_u = 0.1\ndrift_u = 0.2\ndrift_time_u = 0.5"
     drifting = shown(campaign(tmp_path / "d", ("[truth]", both)))[0] - speed(rev)
     assert abs(np.corrcoef(drifting[:-1], drifting[1:])[0, 1] - 0.8 * rho) < 4 * np.sqrt(

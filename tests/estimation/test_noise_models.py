@@ -10,7 +10,7 @@ from scipy import stats
 
 from seatrial.compiled.batching import filled
 from seatrial.estimation.posterior.output_error import OutputError
-from seatrial.estimation.simulation.noise_models import Drifting, Heavy, White
+from seatrial.estimation.simulation.noise_models import Drifting, Heavy, Proportional, White
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator
 from seatrial.estimation.simulation.trial_data import FOREVER, channel_data
@@ -34,7 +34,7 @@ def slow_density(kind, logs, channel):
         zip(("sigma_u", "drift_u", f"{'drift_time' if kind == 'drifting' else 'tau'}_u"), jnp.exp(logs), strict=True)
     )
     noise = OutputError(Simulator(None, (sensor,)), ("a",)).noise(values, sensor, channel)
-    samples = (RESIDUALS, channel.present, channel.kind)
+    samples = (RESIDUALS, np.zeros(RESIDUALS.size), channel.present, channel.kind)
     carry, _ = jax.lax.scan(lambda carry, sample: (noise.absorb(carry, *sample), None), noise.empty(), samples)
     return noise.log_likelihood(carry)
 
@@ -85,7 +85,7 @@ def test_a_long_product_of_variances_does_not_overflow():
     sd, drift, tau = 1e-4, 1.0, 10.0
     noise = Drifting(sd, (drift / sd) ** 2, time.size, -channel.gaps / tau, jnp.exp(-channel.gaps / tau))
     carry, _ = jax.lax.scan(
-        lambda carry, kind: (noise.absorb(carry, 0.0, 1.0, kind), None), noise.empty(), jnp.asarray(channel.kind)
+        lambda carry, kind: (noise.absorb(carry, 0.0, 0.0, 1.0, kind), None), noise.empty(), jnp.asarray(channel.kind)
     )
     before, total = drift**2, 0.0
     for memory in np.exp(-np.diff(time, append=np.inf) / tau):
@@ -101,17 +101,18 @@ def test_a_long_product_of_variances_does_not_overflow():
     [
         (White(0.7, np.array([2.0, 5.0])), stats.norm(0, 0.7)),
         (Heavy(0.7, 3.5, np.array([2.0, 5.0])), stats.t(3.5, 0, 0.7)),
+        (Proportional(0.7, 0.3, np.array([2.0, 5.0])), stats.norm(0, np.hypot(0.7, 0.3 * 4.0))),
     ],
-    ids=["white", "heavy"],
+    ids=["white", "heavy", "proportional"],
 )
 def test_independent_residuals_are_sums_of_their_log_densities(shape, law, complete):
-    """Of seven measurements, in two groups by the gap before them; what is missing does not count."""
+    """Of seven measurements about 4, in two groups by the gap before them; what is missing does not count."""
     e = np.random.default_rng(3).normal(size=10)
     present = np.ones(10) if complete else (np.arange(10) % 3 != 1).astype(float)
     e, present = (e[:7], present[:7]) if complete else (e, present)
     total = shape.empty()
     for one, there in zip(e, present, strict=True):
-        total = shape.absorb(total, one, there, 0)
+        total = shape.absorb(total, one, 4.0, there, 0)
     assert int(present.sum()) == 7
     assert float(shape.log_likelihood(total)) == pytest.approx(law.logpdf(e[present > 0]).sum(), rel=1e-12)
 

@@ -33,7 +33,8 @@ def two_trials(noise="white"):
         motions.append((time, rev, measured))
     sensors = [Sensor(channel, noise) for channel in ("u", "udot")]
     likelihood, data = output_error(paper_model(), records, sensors, [[U0], [U0]])
-    named = {**TRUTH, **NOISE, **({"dof_u": 4.0, "dof_udot": 9.0} if noise == "heavy" else {})}
+    more = {"heavy": {"dof_u": 4.0, "dof_udot": 9.0}, "proportional": {"share_u": 0.1, "share_udot": 0.2}}
+    named = {**TRUTH, **NOISE, **more.get(noise, {})}
     priors = {name: Normal(value, 0.05 * abs(value)) for name, value in named.items()}
     return posterior(priors, likelihood, data), motions
 
@@ -64,7 +65,7 @@ def assert_sums_to_the_log_likelihood(target, draws):
         assert np.allclose(table.sum(2), expected[:, :n], rtol=1e-11)
 
 
-@pytest.mark.parametrize("noise", ["white", "heavy"])
+@pytest.mark.parametrize("noise", ["white", "heavy", "proportional"])
 def test_sum_is_the_log_likelihood(noise):
     """More draws and fewer than are simulated at once."""
     target, _ = two_trials(noise)

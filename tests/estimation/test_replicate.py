@@ -34,11 +34,16 @@ def output(sensor, values):
 
 
 @pytest.mark.parametrize(
-    ("noise", "more", "law"), [("white", {}, stats.norm(0, 0.05)), ("heavy", {"dof_u": 3.0}, stats.t(3.0, 0, 0.05))]
+    ("noise", "more", "law"),
+    [
+        ("white", {}, stats.norm(0, 0.05)),
+        ("heavy", {"dof_u": 3.0}, stats.t(3.0, 0, 0.05)),
+        ("proportional", {"share_u": 0.1}, stats.norm(0, np.hypot(0.05, 0.1 * SPEED[THERE]))),
+    ],
 )
 def test_independent_noise(noise, more, law):
     residual = output(Sensor("u", noise), {**VALUES, **more}) - SPEED[THERE]
-    assert stats.kstest(residual.ravel(), law.cdf).pvalue > 1e-3
+    assert stats.kstest(law.cdf(residual).ravel(), "uniform").pvalue > 1e-3
     assert np.abs(np.corrcoef(residual[:, :-1].ravel(), residual[:, 1:].ravel())[0, 1]) < 4 / np.sqrt(residual.size)
 
 

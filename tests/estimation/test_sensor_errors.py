@@ -91,6 +91,23 @@ def test_heavy_tails(dof):
     assert found == pytest.approx(stats.t(dof, 0, 0.05).logpdf(residual).sum(), abs=1e-9)
 
 
+def test_noise_in_proportion_to_the_signal():
+    """Of the signal that is shown, its bias included, and not of the measured one: so the density integrates to one."""
+    wild = np.where(np.arange(N) % 17 == 3, np.nan, MEASURED)
+    here = np.isfinite(wild)
+    shown = SPEED + 0.3
+    sensor, values = Sensor("u", "proportional", bias=True), {**VALUES, "bias_u": 0.3, "share_u": 0.02}
+    found = log_likelihood(sensor, values, [record(u=wild)])
+    expected = stats.norm(shown, np.hypot(0.05, 0.02 * shown)).logpdf(wild)[here].sum()
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("channel", ["psi", "x", "q_w"])
+def test_nothing_is_in_proportion_to_an_angle_or_a_place(channel):
+    with pytest.raises(InputError, match="natural zero"):
+        Sensor(channel, "proportional")
+
+
 def test_own_values_of_each_trial():
     records = [record("a"), record("b", MEASURED + 0.4)]
     values = {**VALUES, "bias_u[a]": 0.1, "bias_u[b]": 0.5}
@@ -116,4 +133,5 @@ def test_parameters_of_a_sensor():
     assert Sensor("u").parameters == ("sigma_u",)
     assert Sensor("u", "coloured", bias=True).parameters == ("sigma_u", "tau_u", "bias_u")
     assert Sensor("u", "drifting").parameters == ("sigma_u", "drift_u", "drift_time_u")
+    assert Sensor("u", "proportional").parameters == ("sigma_u", "share_u")
     assert Sensor("u", "heavy", lag=True).parameters == ("sigma_u", "dof_u", "lag_u")

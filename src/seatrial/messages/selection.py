@@ -42,6 +42,7 @@ ERROR_MODELS = {
     "coloured": "errors correlated in time",
     "drifting": "white noise plus a slow error",
     "heavy": "independent errors with outliers",
+    "proportional": "independent errors, a part of them in proportion to the signal",
     "process noise": "random forces on every state",
     "disturbance": "a force with memory along {axes:and}",
 }

@@ -207,6 +207,12 @@ class Campaign:
         """Nominal noise of every channel, SI."""
         return {channel: sensor.noise for channel, sensor in self.sensors.items()}
 
+    @property
+    def channel_trim(self) -> Mapping[str, float]:
+        """Trim of every channel that is a state, SI."""
+        model = self.model(self.full)
+        return dict(zip(model.states, self.state_trim(model), strict=True))
+
     @cached_property
     def sensor_models(self) -> tuple[Sensor, ...]:
         """Measured channels with what is unknown about them."""

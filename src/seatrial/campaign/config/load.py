@@ -98,9 +98,11 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     estimation = file.estimation
     _check_estimation(estimation, keys, units, model, sensors)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
+    with located(keys.where("sensors, residuals")):
+        models = sensor_models(sensors, mounts, estimation.residuals)
     check_disturbances(tables, estimation.likelihood, model, keys.where)
     assumed = assumed_unknowns(estimation, model, tables)
-    unknown = unknowns_of(model, sensor_models(sensors, mounts, estimation.residuals), assumed, noise)[len(units) :]
+    unknown = unknowns_of(model, models, assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
     process_noise = _process_noise(file.filter, keys, units, model)

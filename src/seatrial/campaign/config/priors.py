@@ -33,6 +33,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.vehicles.tether import TETHER
 
@@ -65,6 +66,7 @@ _OF_NOISE: dict[Callable[[str], str], Residuals] = {
     dof_name: "heavy",
     drift_name: "drifting",
     drift_time_name: "drifting",
+    share_name: "proportional",
 }
 _CALLED = {"location": "mean", "scale": "sd"}  # Arguments of a truncated normal by their keys
 

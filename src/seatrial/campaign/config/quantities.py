@@ -169,7 +169,7 @@ Turnaround = Annotated[float, Unit("s", least=0.0, expected="0 s or more", remed
 
 # What stands in headings: one line of text.
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]*$")]
-Residuals = Literal["white", "coloured", "heavy", "drifting"]
+Residuals = Literal["white", "coloured", "heavy", "drifting", "proportional"]
 
 
 # Whether something is unknown, and if so whether all trials share it or every one has its own.

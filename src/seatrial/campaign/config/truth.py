@@ -1,8 +1,8 @@
 """What is true of a simulated vehicle: `[truth]` holds a value of each coefficient, and what sensors and actuators add to it.
 
 What is simulated is what is fitted: beside coefficients stand the names of an estimate (`bias_u`, `lag_u`, `delay`, `current`, `sigma_u`,
-`tau_u`, `dof_u`, `process_u`), `net_weight`, `dead_f`, `gain_f_3` and other unknowns of the vehicle that have a prior, and `lag_n`, the lag
-of an actuator, instead of what `[vehicle.actuators]` states.
+`tau_u`, `dof_u`, `share_u`, `process_u`), `net_weight`, `dead_f`, `gain_f_3` and other unknowns of the vehicle that have a prior, and
+`lag_n`, the lag of an actuator, instead of what `[vehicle.actuators]` states.
 """
 
 from collections.abc import Mapping
@@ -23,12 +23,13 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     lag_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 # What tells the kind of a sensor's noise by its name; without any it is white.
-KINDS = (correlation_name, dof_name, drift_name)
+KINDS = (correlation_name, dof_name, drift_name, share_name)
 
 
 def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
@@ -81,7 +82,7 @@ def check_truth(campaign: Campaign) -> None:
             raise InputError(
                 campaign.where(f"truth.{there[1]}"),
                 found=f"{there[0]} as well",
-                expected="noise of one kind: correlated, of heavy tails, or drifting under white noise",
+                expected="noise of one kind: correlated, of heavy tails, drifting under white noise, or proportional to the signal",
                 remedy="leave out one of the two",
             )
         both = (drift_name(channel), drift_time_name(channel))

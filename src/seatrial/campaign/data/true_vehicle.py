@@ -26,6 +26,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     lag_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.simulator import CURRENT, Simulator, samples_remembered
 from seatrial.manoeuvres.autopilot import Autopilot
@@ -118,7 +119,8 @@ def true_vehicle(campaign: Campaign) -> SimulatedVehicle:
 def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
     """A sensor as it truly is, which an estimate may know otherwise."""
     channel = sensor.channel
-    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy", drift_name(channel): "drifting"}
+    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy"}
+    kinds |= {drift_name(channel): "drifting", share_name(channel): "proportional"}
     noise = next((kind for name, kind in kinds.items() if name in truth), "white")
     return Sensor(
         channel,

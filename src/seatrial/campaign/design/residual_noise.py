@@ -4,7 +4,7 @@ Slow residuals of standard deviation s and correlation time tau, sampled every d
 
     s^2 (1 + r) / (1 - r) / (1 + (2 pi tau / P)^2),   r = exp(-dt / tau),
 
-their spectrum at that period over that of white noise; s^2 at least.
+their spectrum at that period over that of white noise; s^2 at least. Noise in proportion to the signal counts as at trim.
 """
 
 from dataclasses import replace
@@ -30,13 +30,14 @@ def with_residual_noise(campaign: Campaign, estimate: Drawn) -> Campaign:
 def residual_noise(campaign: Campaign, estimate: Drawn) -> dict[str, float]:
     """Return for each channel the standard deviation of the white noise that blurs a designed trial as the fit's residuals would, SI."""
     noise, slowest = {}, float(campaign.design.grid()[1].max())
+    trim = campaign.channel_trim
     for sensor in campaign.sensor_models:
         name, settings = sensor.channel, campaign.sensors[sensor.channel]
         if noise_name(name) not in estimate.names:
             noise[name] = settings.noise
             continue
         values = {one: estimate.draws([one])[:, 0] for one in estimate.names if one.endswith(f"_{name}")}
-        sd = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
+        sd = float(np.sqrt(np.mean(noise_sd(sensor, values, trim.get(name, 0.0)) ** 2)))
         blur = 1.0
         if slow := slow_noise(sensor, values):
             memory = np.exp(-max(campaign.family.sample_time, 1.0 / settings.rate) / slow.time)

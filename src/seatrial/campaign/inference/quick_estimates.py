@@ -61,6 +61,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.messages.effects import contents_text, shares_text
 from seatrial.messages.render import sentence
@@ -338,7 +339,7 @@ def _smoothed(model: VehicleModel, record: Record, window: float) -> Acceleratio
 
 def ignored(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
-    kinds = (noise_name, dof_name, correlation_name, drift_name, drift_time_name)
+    kinds = (noise_name, dof_name, correlation_name, drift_name, drift_time_name, share_name)
     noise = {kind(channel) for channel in campaign.channels for kind in kinds}
     names = [one.name for one, _ in campaign.other_unknowns(campaign.model(structure)) if one.name not in noise]
     return f"a regression of accelerations ignores {', '.join(names)}, which biases its values" if names else ""

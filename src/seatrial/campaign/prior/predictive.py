@@ -37,7 +37,7 @@ from seatrial.design.prior_belief import MAX_LOST_SHARE, QUANTILE_LEVELS, most_h
 from seatrial.estimation.posterior.output_error import initial_name, own_name
 from seatrial.estimation.priors import Prior, physical_support
 from seatrial.estimation.simulation.delayed_control import delay_control
-from seatrial.estimation.simulation.sensor_errors import bias_name, noise_name
+from seatrial.estimation.simulation.sensor_errors import bias_name, noise_name, share_name
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre, check_limits
@@ -421,7 +421,9 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
         measured, moving = None if measured is None else measured[keep], shown[~diverged]
         usable, held = diverged.mean() <= MAX_LOST_SHARE, float("nan")
         if usable and measured is not None:
-            noise = drawn[noise_name(name)][~diverged, None] * np.asarray(jax.random.normal(key, moving.shape))
+            size, share = drawn[noise_name(name)], drawn.get(share_name(name), np.zeros(diverged.size))
+            noise = np.hypot(size[~diverged, None], share[~diverged, None] * moving)
+            noise = noise * np.asarray(jax.random.normal(key, moving.shape))
             beside = _of_trial(drawn, bias_name(name), trial.label) + (current if name == "u" else 0.0)
             held = _held(measured, moving + beside[~diverged, None] + noise)
         bands = (

@@ -81,7 +81,11 @@ def compare_speeds(
         [_difference(*which, time, a[..., i], b[..., i]) for which, (time, a, b) in zip(driven, runs, strict=True)]
         for i in range(len(channels))
     ]
-    noise = [noise_of(sensors[name], campaign.own, best) if name in sensors else 1.0 for name in channels]
+    trim = campaign.channel_trim
+    noise = [
+        noise_of(sensors[name], campaign.own, best, trim.get(name, 0.0)) if name in sensors else 1.0
+        for name in channels
+    ]
     most = np.argmax([max(one.largest for one in each) / own for each, own in zip(speeds, noise, strict=True)])
     return channels[most], speeds[most]
 
@@ -121,15 +125,16 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
     return rest
 
 
-def noise_of(sensor: Sensor, own: Collection[str], estimate: Estimate) -> float:
+def noise_of(sensor: Sensor, own: Collection[str], estimate: Estimate, shown: float = 0.0) -> float:
     """Return the standard deviation of a sensor's residuals, its noise included, SI: its posterior mean.
 
     Args:
         sensor: with what is unknown about it.
         own: unknowns of which every trial has its own.
         estimate: posterior.
+        shown: by the sensor, SI, on which noise in proportion to the signal depends.
     """
-    return float(noise_sd(sensor, _noise_draws(sensor, own, estimate)).mean())
+    return float(noise_sd(sensor, _noise_draws(sensor, own, estimate), shown).mean())
 
 
 def leading_channel(model: VehicleModel, channels: Sequence[str]) -> str:
@@ -219,7 +224,8 @@ def _nats(
     simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
     step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
     samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
-    noise = np.array([noise_of(sensor, campaign.own, best) for sensor in campaign.sensor_models])
+    trim = campaign.channel_trim
+    noise = np.array([noise_of(one, campaign.own, best, trim.get(one.channel, 0.0)) for one in campaign.sensor_models])
     memory = [
         _memory(sensor, campaign.own, best, step * (at[1] - at[0]))
         for sensor, at in zip(campaign.sensor_models, samples, strict=True)
@@ -346,13 +352,14 @@ def stored_contenders(
 def _compare(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Contenders:
     channel, manoeuvres = compare_speeds(campaign, best, runner, trials, sweep)
     sensor = next((one for one in campaign.sensor_models if one.channel == channel), None)
+    trim = campaign.channel_trim.get(channel, 0.0)
     nats = expected_nats(campaign, best, runner, trials, sweep)
     row, column = largest_of(nats)
     return Contenders(
         best=best.structure,
         runner_up=runner.structure,
         channel=channel,
-        noise=float("nan") if sensor is None else noise_of(sensor, campaign.own, best),
+        noise=float("nan") if sensor is None else noise_of(sensor, campaign.own, best, trim),
         manoeuvres=tuple(manoeuvres),
         amplitude=sweep.amplitude,
         period=sweep.period,

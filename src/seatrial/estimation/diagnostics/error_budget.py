@@ -215,7 +215,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     omitted = _omitted(model, members, weight, x, shared, moving, sd)
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
-    slow = tuple(one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy"))
+    slow = tuple(
+        one.channel for one, (shape, _) in sensors if shape and one.noise in ("white", "heavy", "proportional")
+    )
     after = model.after(members[0])
     if not describes:
         ratio, shares = np.full(len(names), np.inf), np.repeat(np.array([[0.0], [0.0], [0.0], [1.0]]), len(names), 1)

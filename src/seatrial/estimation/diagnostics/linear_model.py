@@ -41,6 +41,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.trial_data import FOREVER, ChannelData
 
@@ -361,6 +362,9 @@ def noise_shapes(
     here, kind = (np.take_along_axis(one, first, 1) for one in (here, np.asarray(channel.kind)))
     gap = np.where(here, np.take_along_axis(gaps, kind, 1), FOREVER)
     rows = rows if here.all() and samples == rows.shape[1] else np.take_along_axis(rows, first[..., None], 1)
+    if sensor.noise == "proportional":  # white in units of its size; the measured signal is near enough to that shown
+        size = values[share_name(sensor.channel)] * np.take_along_axis(np.asarray(channel.measured), first, 1)
+        rows = rows / np.hypot(1.0, size / values[noise_name(sensor.channel)])[..., None]
     where = rows, here.astype(float), gap
     if sensor.noise == "coloured":
         return _sums(*where, [(1.0, values[correlation_name(sensor.channel)], 0.0)], 0.0)

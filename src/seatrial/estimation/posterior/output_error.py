@@ -1,8 +1,9 @@
 """Output-error likelihood: the model is simulated without process noise and what the sensors show beside it is noise.
 
-White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Heavy-tailed: e_k of Student's t. Coloured: an
-Ornstein-Uhlenbeck process of standard deviation s and correlation time tau, e_k given e_j before it being normal with mean
-rho e_j and variance s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau), which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
+White residuals: y_k = h(x_k) + s e_k, summed inside the time loop. Heavy-tailed: e_k of Student's t. Proportional: a part of s is a
+share of the signal that is shown, s_k^2 = s^2 + (share h(x_k))^2. Coloured: an Ornstein-Uhlenbeck process of standard deviation s and
+correlation time tau, e_k given e_j before it being normal with mean rho e_j and variance s^2 (1 - rho^2), rho = exp(-(t_k - t_j) / tau),
+which is exact across gaps (Gillespie, Phys. Rev. E 54, 1996).
 Drifting: white residuals and such a process added, as a current, a bias or waves lie under the noise of the sensor.
 
 Trials fitted jointly share every parameter but those that are each trial's own (`bias_u[label]`), and those that vary about
@@ -22,7 +23,15 @@ from jaxtyping import Array, Float
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
-from seatrial.estimation.simulation.noise_models import Coloured, Drifting, Heavy, White
+from seatrial.estimation.simulation.noise_models import (
+    INDEPENDENT,
+    Coloured,
+    Drifting,
+    Heavy,
+    NoiseModel,
+    Proportional,
+    White,
+)
 from seatrial.estimation.simulation.sensor_errors import (
     Sensor,
     correlation_name,
@@ -30,6 +39,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.simulator import CURRENT, Simulator, Watch, samples_remembered
 from seatrial.estimation.simulation.trial_data import ChannelData, TrialData, stack_trials
@@ -90,7 +100,7 @@ class OutputError:
     @property
     def independent(self) -> bool:
         """Whether measurements are independent given the parameters."""
-        return all(sensor.noise in ("white", "heavy") for sensor in self.simulator.sensors)
+        return all(sensor.noise in ("white", "heavy", "proportional") for sensor in self.simulator.sensors)
 
     def __call__(self, values: dict[str, Any], data: TrialData) -> Any:
         """Return the log-likelihood of all trials; -inf where the simulation diverges."""
@@ -136,9 +146,7 @@ class OutputError:
         current = apart[CURRENT] if CURRENT in apart else values[CURRENT]
         return starts.at[:, self.model.states.index("u")].add(-current)
 
-    def noise(
-        self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData
-    ) -> White | Heavy | Coloured | Drifting:
+    def noise(self, values: Mapping[str, Any], sensor: Sensor, data: ChannelData) -> NoiseModel:
         """Model of one channel's residuals under these parameters."""
         sd = values[noise_name(sensor.channel)]
         counts = QUATERNION_SHARE * data.counts if sensor.channel in QUATERNION else data.counts
@@ -147,6 +155,8 @@ class OutputError:
                 return White(sd, counts)
             case "heavy":
                 return Heavy(sd, values[dof_name(sensor.channel)], counts)
+            case "proportional":
+                return Proportional(sd, values[share_name(sensor.channel)], counts)
             case "coloured":
                 memory = jnp.exp(-data.gaps / values[correlation_name(sensor.channel)])
                 return Coloured(sd, counts, memory, 1.0 / (1.0 - memory * memory))
@@ -174,17 +184,17 @@ class OutputError:
         channels = list(zip(noises, shown, _measured(trial), strict=True))
         total = jnp.zeros(())
 
-        def of_channel(noise: White | Heavy, x: Array, measured: tuple) -> Array:
+        def of_channel(noise: White | Heavy | Proportional, x: Array, measured: tuple) -> Array:
             y, present, kind = measured
-            return noise.log_likelihood(jnp.sum(noise.absorb(noise.empty(), y - x, present, kind)))
+            return noise.log_likelihood(jnp.sum(noise.absorb(noise.empty(), y - x, x, present, kind)))
 
-        for model in (White, Heavy):
+        for model in INDEPENDENT:
             alike = [
                 (one._replace(counts=one.counts.sum()), *rest) for one, *rest in channels if isinstance(one, model)
             ]
             if alike:
                 total += jax.vmap(of_channel)(*jax.tree.map(lambda *parts: jnp.stack(parts), *alike)).sum()
-        remembering = [one for one in channels if not isinstance(one[0], White | Heavy)]
+        remembering = [one for one in channels if not isinstance(one[0], INDEPENDENT)]
         if not remembering:
             return total
         noises, *samples = zip(*remembering, strict=True)
@@ -204,19 +214,19 @@ class OutputError:
         followed = self.simulator.simulate(values, start, trial.control, trial.step, absorb, begin, _measured(trial))
         return end(followed.memory)
 
-    def _noises(self, values: Mapping[str, Any], trial: TrialData) -> list[White | Heavy | Coloured | Drifting]:
+    def _noises(self, values: Mapping[str, Any], trial: TrialData) -> list[NoiseModel]:
         return [
             self.noise(values, sensor, data)
             for sensor, data in zip(self.simulator.sensors, trial.channels, strict=True)
         ]
 
 
-def _sums(noises: Sequence[White | Heavy | Coloured | Drifting]) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
+def _sums(noises: Sequence[NoiseModel]) -> tuple[Watch, tuple, Callable[[tuple], Any]]:
     """Return what adds a sample's residuals to the running sums, these before the first sample, and the log-likelihood of the last."""
 
     def absorb(sums: tuple, shown: tuple, channels: tuple) -> tuple[tuple, None]:
         sums = tuple(
-            noise.absorb(total, y - x, present, kind)
+            noise.absorb(total, y - x, x, present, kind)
             for noise, total, x, (y, present, kind) in zip(noises, sums, shown, channels, strict=True)
         )
         return sums, None

@@ -43,7 +43,7 @@ def pointwise_log_likelihood(
         raise InputError(
             "pointwise log-likelihood",
             found="coloured residuals" if isinstance(likelihood, OutputError) else "another likelihood",
-            expected="an output-error likelihood under which measurements are independent: white or heavy-tailed residuals",
+            expected="an output-error likelihood under which measurements are independent: white, proportional or heavy-tailed residuals",
             remedy="compare evidences instead, or estimate with white residuals",
         )
     data: TrialData = posterior.data
@@ -85,8 +85,8 @@ def _of_one_draw(likelihood: OutputError, values: Mapping[str, Any], data: Trial
         for sensor, channel, x in zip(sensors, trial.channels, shown.T, strict=True):
             noise = likelihood.noise(here, sensor, channel._replace(counts=one))
             columns.append(
-                jax.vmap(lambda e, noise=noise: noise.log_likelihood(noise.absorb(noise.empty(), e, 1, 0)))(
-                    channel.measured - x
+                jax.vmap(lambda e, x, noise=noise: noise.log_likelihood(noise.absorb(noise.empty(), e, x, 1, 0)))(
+                    channel.measured - x, x
                 )
             )
         density = jnp.stack(columns)

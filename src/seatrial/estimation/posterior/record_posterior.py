@@ -55,9 +55,9 @@ def make_posterior(
         model: vehicle; its coefficients are unknown, all others are part of it.
         records: trials, each with a different label.
         priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
-            sensor; `delay`, `current`, `process_u`, `disturbance_X` with `disturbance_time_X`, `spread_X_u` and `u_0`. What each
-            trial has of its own may have a separate prior, as `u_0[trial]`. The slow part of a noise that drifts has usual priors where
-            none is stated (`slow_noise_priors`).
+            sensor, `share_u` of noise in proportion to the signal; `delay`, `current`, `process_u`, `disturbance_X` with
+            `disturbance_time_X`, `spread_X_u` and `u_0`. What each trial has of its own may have a separate prior, as `u_0[trial]`.
+            The slow part of a noise that drifts has usual priors where none is stated (`slow_noise_priors`).
         sensors: measured channels; a name means a sensor of white noise. All channels of the first record if not given.
         start: state at the first sample, if it is known better than by its first measurement; signal name to SI value. Or the
             whole state of each record, SI, in the order of the states of the vehicle, shape (records, n_states).
@@ -278,6 +278,7 @@ _OF_SENSORS = {
     "tau": 'noise="coloured"',
     "dof": 'noise="heavy"',
     "drift": 'noise="drifting"',
+    "share": 'noise="proportional"',
     "bias": "bias=True",
     "lag": "lag=True",
 }

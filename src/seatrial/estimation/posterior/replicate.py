@@ -18,6 +18,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.trial_data import ChannelData, TrialData
 
@@ -42,7 +43,7 @@ def replicate(
     def of_trial(apart: dict[str, Array], trial: TrialData, shown: Array, keys: Array) -> TrialData:
         here = {**values, **apart}
         channels = tuple(
-            channel._replace(measured=channel.present * (x + draw_noise(sensor, here, channel, keys[i])))
+            channel._replace(measured=channel.present * (x + draw_noise(sensor, here, channel, x, keys[i])))
             for i, (sensor, channel, x) in enumerate(
                 zip(output.simulator.sensors, trial.channels, shown.T, strict=True)
             )
@@ -81,14 +82,18 @@ def motions(
     return jax.vmap(of_trial)(output.apart(values), data, output.starts(dict(values), data), keys)
 
 
-def draw_noise(sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, key: jax.Array) -> Float[Array, " n"]:
-    """Draw the noise of one channel at every sample, SI; arguments as `replicate`."""
+def draw_noise(
+    sensor: Sensor, values: Mapping[str, Any], channel: ChannelData, shown: Float[Array, " n"], key: jax.Array
+) -> Float[Array, " n"]:
+    """Draw the noise of one channel about what its sensor shows at every sample, SI; arguments as `replicate`."""
     shape, sd = channel.measured.shape, values[noise_name(sensor.channel)]
     match sensor.noise:
         case "white":
             return sd * jax.random.normal(key, shape)
         case "heavy":
             return sd * jax.random.t(key, values[dof_name(sensor.channel)], shape)
+        case "proportional":
+            return jnp.hypot(sd, values[share_name(sensor.channel)] * shown) * jax.random.normal(key, shape)
         case "coloured":
             return sd * _coloured(jax.random.normal(key, shape), values[correlation_name(sensor.channel)], channel)
         case "drifting":

@@ -150,12 +150,17 @@ def simulate_trial(
         feedback: that decides the controls; they are as commanded without.
 
     Raises:
+        InputError: a pilot that feeds back a channel whose noise is in proportion to its signal.
         NumericalError: a vehicle that runs away.
     """
     sensors, model = simulator.sensors, simulator.model
     blank = np.where(measured, 0.0, np.nan)
     channels = tuple(channel_data(time, column) for column in blank.T)
-    noise = [np.asarray(one) for one in _noise(sensors, dict(values), channels, tuple(keys))]
+
+    def noise_about(shown: Float[np.ndarray, "n m"]) -> list[Float[np.ndarray, " n"]]:
+        drawn = _noise(sensors, dict(values), channels, tuple(shown.T), tuple(keys))
+        return [np.asarray(one) for one in drawn]
+
     # Differences of even times differ by rounding, and each other step would be another number to integrate with.
     step = np.diff(time, append=2 * time[-1] - time[-2])
     step = np.full(time.size, time[1]) if np.ptp(step) <= 1e-9 * time[1] else step
@@ -165,7 +170,9 @@ def simulate_trial(
     if feedback is None:
         shown, end = _follow(pushed, dict(values), np.asarray(start, float), (*held[:count], *pushes.values()), step)
     else:
-        errors = {sensor.channel: noise[i] + blank[:, i] for i, sensor in enumerate(sensors)}
+        _check_fed_back(feedback, sensors)
+        ahead = noise_about(np.zeros_like(blank))
+        errors = {sensor.channel: ahead[i] + blank[:, i] for i, sensor in enumerate(sensors)}
         moments = Moment(time, (*pushes.values(), *held), tuple(errors[name] for name in feedback.outputs))
         run = _closed_loop(pushed, _Pushed(feedback, len(pushes)), values, step)
         shown, end, command = run(np.asarray(start, float), moments)
@@ -179,10 +186,23 @@ def simulate_trial(
             )
     if not np.isfinite(end).all():
         raise NumericalError(f"the simulated vehicle diverges after {time[-1]:g} s")
+    noise = noise_about(exact)
     return {
         **commands,
         **{one.channel: np.where(measured[:, i], exact[:, i] + noise[i], np.nan) for i, one in enumerate(sensors)},
     }
+
+
+def _check_fed_back(feedback: Pilot, sensors: Sequence[Sensor]) -> None:
+    """Refuse noise of a channel that is fed back and whose size is not known before the motion is."""
+    for sensor in sensors:
+        if sensor.noise == "proportional" and sensor.channel in feedback.outputs:
+            raise InputError(
+                f"simulation, noise of {sensor.channel}",
+                found='"proportional", of a channel that the autopilot feeds back',
+                expected="noise that is drawn before the motion: white, coloured, heavy or drifting",
+                remedy=f"simulate this trial with another kind of noise of {sensor.channel}",
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,11 +278,14 @@ def _pushes(
 
 @program(static_argnums=0)
 def _noise(
-    sensors: tuple[Sensor, ...], values: Mapping[str, Any], channels: tuple[ChannelData, ...], keys: tuple[Array, ...]
+    sensors: tuple[Sensor, ...],
+    values: Mapping[str, Any],
+    channels: tuple[ChannelData, ...],
+    shown: tuple[Array, ...],
+    keys: tuple[Array, ...],
 ) -> tuple[Array, ...]:
-    return tuple(
-        draw_noise(sensor, values, channel, key) for sensor, channel, key in zip(sensors, channels, keys, strict=True)
-    )
+    parts = zip(sensors, channels, shown, keys, strict=True)
+    return tuple(draw_noise(sensor, values, channel, x, key) for sensor, channel, x, key in parts)
 
 
 @program(static_argnums=0)

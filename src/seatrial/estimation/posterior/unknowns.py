@@ -1,8 +1,9 @@
 """Every unknown that a posterior may have: its name, unit, label, sign, usual prior, and the assumption that makes it unknown.
 
 X_u, T_nabsn, …          a coefficient of the vehicle            sigma_u          the noise of a sensor, always needed
-tau_u, dof_u             where its noise is coloured, heavy      bias_u, lag_u    where the sensor has them
-drift_u, drift_time_u    where it drifts                         gain_f, …        a number of the vehicle or of a mount
+tau_u, dof_u, share_u    where its noise is coloured, heavy,     bias_u, lag_u    where the sensor has them
+                         or proportional to the signal           gain_f, …        a number of the vehicle or of a mount
+drift_u, drift_time_u    where it drifts
 delay                    between command and action, s           current          of the water along the course, m/s
 process_u                process noise of a state, of all or of none: a filter then integrates it out
 disturbance_X            a force that no term makes, its standard deviation, and disturbance_time_X, its correlation time, s: a filter
@@ -33,11 +34,14 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_time_name,
     lag_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
 
 DOF_PRIOR = LogUniform(1.5, 200.0)  # Usual prior of degrees of freedom: from tails without a variance to the normal
+# Usual prior of the share of the signal that is noise: from what no record shows to half of it
+SHARE_PRIOR = LogUniform(1e-4, 0.5)
 MAX_NOISE_RATIO = 5.0  # Upper end of the usual prior of a sensor's noise, over its nominal noise
 # Ends of the usual prior of the slow part of that noise, over the middle of the prior of its white part: from what no record shows to a
 # slow error that hides the white noise.
@@ -120,6 +124,7 @@ def unknowns_of_sensor(sensor: Sensor, noise: float | None = None) -> list[Unkno
         noise_name(channel): Unknown("", unit, rf"\sigma_{{{label}}}", why=f"{channel} is measured"),
         correlation_name(channel): Unknown("", "s", rf"\tau_{{{label}}}", why=slow),
         dof_name(channel): Unknown("", "1", rf"\nu_{{{label}}}", default=DOF_PRIOR, why=slow),
+        share_name(channel): Unknown("", "1", rf"\kappa_{{{label}}}", default=SHARE_PRIOR, why=slow),
         drift_name(channel): Unknown("", unit, rf"\sigma_{{\mathrm{{drift}},{label}}}", why=slow),
         drift_time_name(channel): Unknown("", "s", rf"\tau_{{\mathrm{{drift}},{label}}}", why=slow),
         bias_name(channel): Unknown("", unit, rf"b_{{{label}}}", True, why=f"the sensor of {channel} has a bias"),

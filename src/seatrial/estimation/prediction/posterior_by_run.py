@@ -33,7 +33,7 @@ from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior, check_posterior
 from seatrial.estimation.posterior.slopes import slopes_by_trial
 from seatrial.estimation.prediction.prediction import (
-    noise_sd,
+    mean_noise_sd,
     of_any_trial,
     outputs_of_draws,
     slow_noise,
@@ -286,7 +286,7 @@ def predict_fold(
         at = (np.asarray(channel.present)[0] > 0) & inside
         motion = shown[:, at, i]
         columns = (time[at], np.asarray(channel.measured)[0][at], motion.mean(0), motion.std(0))
-        noise = float(np.sqrt(np.mean(noise_sd(sensor, values) ** 2)))
+        noise = mean_noise_sd(sensor, values, motion.T)
         result[sensor.channel] = PredictedRun(*columns, noise, slow_noise(sensor, values))
     return result
 

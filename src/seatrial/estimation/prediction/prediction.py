@@ -33,6 +33,7 @@ from seatrial.estimation.simulation.sensor_errors import (
     drift_name,
     drift_time_name,
     noise_name,
+    share_name,
 )
 from seatrial.estimation.simulation.trial_data import TrialData, stack_trials
 from seatrial.sampling.run import Draws
@@ -50,7 +51,7 @@ class Prediction:
         channels: measured channels, in the order of the columns.
         mean: SI, shape (n, m).
         motion_sd: standard deviation of the motion from uncertain parameters, SI, shape (n, m).
-        noise_sd: of each sensor's noise, SI, shape (m,).
+        noise_sd: of each sensor's noise, SI, shape (n, m).
         slow: the slow part of the noise of each sensor; None if it is white.
         coefficient_sd: the part of `motion_sd` that is not process noise, SI, shape (n, m).
         likelihood: that simulated.
@@ -61,7 +62,7 @@ class Prediction:
     channels: tuple[str, ...]
     mean: Float[np.ndarray, "n m"]
     motion_sd: Float[np.ndarray, "n m"]
-    noise_sd: Float[np.ndarray, " m"]
+    noise_sd: Float[np.ndarray, "n m"]
     slow: tuple[SlowNoise | None, ...]
     coefficient_sd: Float[np.ndarray, "n m"]
     likelihood: OutputError | FilterError
@@ -132,7 +133,7 @@ class Prediction:
             )
         at = self.channels.index(channel)
         columns = (self.record.channel(channel), self.mean[:, at], self.motion_sd[:, at])
-        return PredictedRun(self.time, *columns, float(self.noise_sd[at]), self.slow[at], self.coefficient_sd[:, at])
+        return PredictedRun(self.time, *columns, self.noise_sd[:, at], self.slow[at], self.coefficient_sd[:, at])
 
 
 def predict(
@@ -174,7 +175,7 @@ def predict(
     outputs = simulated(likelihood)
     motion_sd = outputs.std(axis=0)
     sensors = likelihood.output.simulator.sensors
-    noise = np.sqrt((np.column_stack([noise_sd(sensor, values) for sensor in sensors]) ** 2).mean(axis=0))
+    noise = np.stack([mean_noise_sd(sensor, values, one) for sensor, one in zip(sensors, outputs.T, strict=True)], -1)
     return Prediction(
         record,
         likelihood.channels,
@@ -238,8 +239,20 @@ def spread_rows(draws: Float[np.ndarray, "draws d"], most: int) -> Float[np.ndar
     return draws[:: max(1, len(draws) // most)][:most]
 
 
-def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
-    """Return the standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three."""
+def mean_noise_sd(sensor: Sensor, values: Mapping[str, Any], shown: Float[np.ndarray, "n draws"]) -> np.ndarray:
+    """Return the root mean square over draws of the standard deviation of a sensor's noise about what it shows, shape (n,)."""
+    sd = np.broadcast_to(noise_sd(sensor, values, shown), shown.shape)
+    return np.sqrt(np.mean(sd**2, -1))
+
+
+def noise_sd(sensor: Sensor, values: Mapping[str, Any], shown: Float[np.ndarray, "*n draws"] | float) -> np.ndarray:
+    """Return the standard deviation of a sensor's noise under each draw; Student's t of few degrees of freedom counts as of three.
+
+    Args:
+        sensor: whose noise it is.
+        values: its parameters by name, SI, each of shape (draws,).
+        shown: by it without noise, SI, on which noise in proportion to the signal depends.
+    """
     sd = np.asarray(values[noise_name(sensor.channel)])
     match sensor.noise:
         case "white" | "coloured":
@@ -247,6 +260,8 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
         case "heavy":
             dof = np.maximum(np.asarray(values[dof_name(sensor.channel)]), 3.0)
             return sd * np.sqrt(dof / (dof - 2.0))
+        case "proportional":
+            return np.hypot(sd, np.asarray(values[share_name(sensor.channel)]) * shown)
         case "drifting":
             return np.hypot(sd, np.asarray(values[drift_name(sensor.channel)]))
 
@@ -254,12 +269,12 @@ def noise_sd(sensor: Sensor, values: Mapping[str, Any]) -> np.ndarray:
 def slow_noise(sensor: Sensor, values: Mapping[str, Any]) -> SlowNoise | None:
     """Return what is slow in a sensor's noise, medians over draws; None if nothing is."""
     match sensor.noise:
-        case "white" | "heavy":
+        case "white" | "heavy" | "proportional":
             return None
         case "coloured":
             return SlowNoise(float(np.median(values[correlation_name(sensor.channel)])), 1.0)
         case "drifting":
-            share = (np.asarray(values[drift_name(sensor.channel)]) / noise_sd(sensor, values)) ** 2
+            share = (np.asarray(values[drift_name(sensor.channel)]) / noise_sd(sensor, values, 0.0)) ** 2
             return SlowNoise(float(np.median(values[drift_time_name(sensor.channel)])), float(np.median(share)))
 
 
@@ -418,5 +433,6 @@ def _prior_of_unseen(
     if state in first and state in first_sd:
         return Normal(float(first[state]), first_sd[state])
     if state in first and noise_name(state) in known:
-        return Normal(float(first[state]), float(np.mean(known[noise_name(state)])))
+        share = np.mean(known.get(share_name(state), 0.0)) * first[state]
+        return Normal(float(first[state]), float(np.hypot(np.mean(known[noise_name(state)]), share)))
     return parameter.prior

@@ -69,7 +69,7 @@ class PredictedRun(NamedTuple):
         measured: SI, NaN if nothing was measured, shape (n,).
         mean: predicted, SI, shape (n,).
         motion_sd: standard deviation of the prediction without noise, SI, shape (n,).
-        noise_sd: standard deviation of the noise, SI.
+        noise_sd: standard deviation of the noise, SI, shape (n,), or one number.
         slow: what is slow in the noise as it is modelled; what should be white is then what is new in the residuals.
         coefficient_sd: part of `motion_sd` that comes from the coefficients being uncertain, shape (n,); all of it by default.
     """
@@ -78,7 +78,7 @@ class PredictedRun(NamedTuple):
     measured: Float[np.ndarray, " n"]
     mean: Float[np.ndarray, " n"]
     motion_sd: Float[np.ndarray, " n"]
-    noise_sd: float
+    noise_sd: Float[np.ndarray, " n"] | float
     slow: SlowNoise | None = None
     coefficient_sd: Float[np.ndarray, " n"] | None = None
 
@@ -260,7 +260,7 @@ def score_channel(runs: Sequence[PredictedRun]) -> Score:
         for column in zip(*((one.measured, one.mean, one.motion_sd) for one in runs), strict=True)
     )
     own_sd = [run.motion_sd if run.coefficient_sd is None else run.coefficient_sd for run in runs]
-    noise_sd = np.repeat([run.noise_sd for run in runs], [run.time.size for run in runs])
+    noise_sd = np.concatenate([np.broadcast_to(run.noise_sd, run.time.shape) for run in runs])
     sd = np.hypot(motion_sd, noise_sd)
     if diverges(measured, mean, sd):
         return unscored(measured.size, DIVERGES)
@@ -341,6 +341,7 @@ def _measured(run: PredictedRun) -> PredictedRun:
         measured=run.measured[there],
         mean=run.mean[there],
         motion_sd=run.motion_sd[there],
+        noise_sd=np.broadcast_to(run.noise_sd, there.shape)[there],
         coefficient_sd=coefficient_sd,
     )
 

@@ -23,8 +23,8 @@ class White(NamedTuple):
         """Return the sum before the first sample."""
         return jnp.zeros(())
 
-    def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
+    def absorb(self, total: Any, e: Any, shown: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample about `shown`; `present` is 1 if it was measured, else 0."""
         return total + present * (e * e)
 
     def log_likelihood(self, total: Any) -> Any:
@@ -46,8 +46,8 @@ class Heavy(NamedTuple):
         """Return the sum before the first sample."""
         return jnp.zeros(())
 
-    def absorb(self, total: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
+    def absorb(self, total: Any, e: Any, shown: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample about `shown`; `present` is 1 if it was measured, else 0."""
         loss = jnp.log1p(e * e / (self.dof * self.sd * self.sd))
         return total + present * loss
 
@@ -56,6 +56,31 @@ class Heavy(NamedTuple):
         half = 0.5 * self.dof
         each = gammaln(half + 0.5) - gammaln(half) - 0.5 * jnp.log(self.dof * jnp.pi) - jnp.log(self.sd)
         return jnp.sum(self.counts) * each - (half + 0.5) * total
+
+
+class Proportional(NamedTuple):
+    """Independent normal residuals of variance sd^2 + (share x)^2, x being the signal that is shown without noise.
+
+    The measured signal instead of x would leave a density that does not integrate to one, and favour motions whose noise happens to
+    point to zero. Carries sum log(1 + (share x / sd)^2) + e^2 / variance.
+    """
+
+    sd: Any
+    share: Any
+    counts: Float[Array, " k"]
+
+    def empty(self) -> Any:
+        """Return the sum before the first sample."""
+        return jnp.zeros(())
+
+    def absorb(self, total: Any, e: Any, shown: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample about `shown`; `present` is 1 if it was measured, else 0."""
+        excess = (self.share * shown / self.sd) ** 2
+        return total + present * (jnp.log1p(excess) + (e / self.sd) ** 2 / (1.0 + excess))
+
+    def log_likelihood(self, total: Any) -> Any:
+        """Return the log density of all residuals."""
+        return -jnp.sum(self.counts) * (jnp.log(self.sd) + 0.5 * LOG_2PI) - 0.5 * total
 
 
 class Coloured(NamedTuple):
@@ -77,8 +102,8 @@ class Coloured(NamedTuple):
         """Return the sum before the first sample."""
         return (jnp.zeros(()), jnp.zeros(()))
 
-    def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
+    def absorb(self, carry: Any, e: Any, shown: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample about `shown`; `present` is 1 if it was measured, else 0."""
         before, total = carry
         innovation = e - self.memory[kind] * before
         gain = self.weight[kind] * (innovation * innovation)
@@ -130,8 +155,8 @@ class Drifting(NamedTuple):
         """Return what is known before the first sample, where the process has the same variance after any gap."""
         return (jnp.zeros(()), 1.0 - self.ratio, jnp.zeros(()), *(() if self.is_even else (jnp.ones(()),)))
 
-    def absorb(self, carry: Any, e: Any, present: Any, kind: Any) -> Any:
-        """Add the residual `e` of one sample; `present` is 1 if it was measured, else 0."""
+    def absorb(self, carry: Any, e: Any, shown: Any, present: Any, kind: Any) -> Any:
+        """Add the residual `e` of one sample about `shown`; `present` is 1 if it was measured, else 0."""
         mean, inverse, total, *product = carry
         memory = self.memory if self.is_even else self.memory[kind]
         squared, absent = memory * memory, 1.0 - present
@@ -163,3 +188,7 @@ class Drifting(NamedTuple):
         log_q = 2.0 * (self.rate - log_root)
         transient = (self.ratio - above) / (1.0 + above) * jnp.expm1(self.count * log_q) / jnp.expm1(log_q)
         return self.count * log_root + jnp.log1p(transient)
+
+
+NoiseModel = White | Heavy | Proportional | Coloured | Drifting
+INDEPENDENT = (White, Heavy, Proportional)  # Models of residuals that know nothing of each other

@@ -13,10 +13,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from seatrial.core.argument_checks import check_choice, check_kind, check_text
+from seatrial.core.errors import InputError
+from seatrial.core.signals import ANGLES, POSITIONS, QUATERNION
 from seatrial.estimation.simulation.mounts import LATE, Mount
 
-# Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added.
-Noise = Literal["white", "coloured", "heavy", "drifting"]
+# Independent and normal; an Ornstein-Uhlenbeck process; independent with the tails of Student's t; the first two added; independent and
+# normal with a part in proportion to the signal, as "0.2 % ± 1 mm/s" of a Doppler log.
+Noise = Literal["white", "coloured", "heavy", "drifting", "proportional"]
+# Channels whose zero is a matter of choice: nothing is in proportion to them.
+_WITHOUT_ZERO = (*ANGLES, *QUATERNION, *POSITIONS[:2])
 
 
 @dataclass(frozen=True)
@@ -26,14 +31,15 @@ class Sensor:
     Attributes:
         channel: the measured state or rate.
         noise: kind of the residuals: `sigma_u`, and `tau_u` where coloured, `dof_u` where heavy-tailed, `drift_u` and
-            `drift_time_u` where an error that drifts lies under white noise.
+            `drift_time_u` where an error that drifts lies under white noise, `share_u` where a part of the standard deviation
+            is proportional to the signal, sqrt(sigma_u^2 + (share_u u)^2).
         bias: whether it has a constant error, `bias_u`.
         lag: whether it has a lag, with the time constant `lag_u`, s.
         over_ground: whether a velocity is measured over ground, and not through the water.
         mount: its place, turn and scale; None for one at the body's origin, along its axes.
 
     Raises:
-        InputError: no name, a kind of noise that there is not, or something else than True and False.
+        InputError: no name, a kind of noise that there is not or that its channel cannot have, or something else than True and False.
     """
 
     channel: str
@@ -47,6 +53,13 @@ class Sensor:
         """Refuse what no sensor is."""
         check_text(self.channel, "Sensor, channel", 'name the measured signal, for example "u"')
         check_choice(self.noise, get_args(Noise), "Sensor, noise")
+        if self.noise == "proportional" and self.channel in _WITHOUT_ZERO:
+            raise InputError(
+                f"Sensor, noise of {self.channel}",
+                found='"proportional", of an angle or a position',
+                expected="a channel with a natural zero, such as a velocity or a depth",
+                remedy="give this channel another kind, for example white",
+            )
         for name in ("bias", "lag", "over_ground"):
             remedy = "give True or False; its size is a separate value or prior"
             check_kind(getattr(self, name), bool, f"Sensor, {name}", remedy)
@@ -59,6 +72,7 @@ class Sensor:
             "coloured": (correlation_name,),
             "heavy": (dof_name,),
             "drifting": (drift_name, drift_time_name),
+            "proportional": (share_name,),
         }
         return tuple(name(self.channel) for name in (noise_name, *of_kind[self.noise]))
 
@@ -136,6 +150,11 @@ def drift_name(channel: str) -> str:
 def drift_time_name(channel: str) -> str:
     """Return the parameter name of the correlation time of that slow error, s."""
     return f"drift_time_{channel}"
+
+
+def share_name(channel: str) -> str:
+    """Return the parameter name of the part of a channel's noise in proportion to its signal, over that signal."""
+    return f"share_{channel}"
 
 
 def bias_name(channel: str) -> str:
