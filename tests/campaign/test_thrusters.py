@@ -9,6 +9,7 @@ from seatrial.campaign.data.import_logs import get_trials, read_untrimmed
 from seatrial.campaign.data.thruster_check import check_thrusters, thruster_lines
 from seatrial.campaign.design.schedule import commands_of, write_schedule
 from seatrial.campaign.inference.posterior import build_posterior, initial_state
+from seatrial.campaign.live.channels import Channels
 from seatrial.campaign.prior.predictive import predict_from_prior
 from seatrial.core.errors import InputError
 from seatrial.estimation.posterior.first_guess import first_guess
@@ -177,8 +178,8 @@ def test_a_command_makes_the_thrust_that_it_was_found_for(name):
     law, points, least = COMMANDED[name]
     for thrust in np.r_[-np.geomspace(20, 2 * least + 0.01, 7), 0.0, np.geomspace(2 * least + 0.01, 20, 7)]:
         command = np.array([law.command(float(thrust), points)])
-        tabled = None if points is None else np.interp(command, *points)
-        assert law.thrust(command, tabled)[0] == pytest.approx(thrust, abs=1e-8)
+        table = None if points is None else lambda c, points=points: np.interp(c, *points)
+        assert law.thrust(command, table)[0] == pytest.approx(thrust, abs=1e-8)
     if least:
         assert np.isnan([law.command(thrust) for thrust in (-1.2, 1.5)]).all()
     elif points:
@@ -207,6 +208,7 @@ def test_a_schedule_has_the_commands_of_its_thrusts(tmp_path, log):
 
 LAW = CAMPAIGN[CAMPAIGN.index("[vehicle.thrust_laws") : CAMPAIGN.index("[[vehicle.thr")]
 CURVE = ("polynomial = [0.0, 0.08]\nneutral = 1500", 'curve = "thrust.csv"')
+GAINS = priors(gain_f=normal(1.0, 0.3), gain_f_1=normal(1.0, 0.3), gain_f_3=normal(1.0, 0.3))
 REFUSED = {
     "two in one place": ([('"-0.3 m", "-0.2 m"', '"-0.3 m", "0.2 m"')], ("thruster 2 in the place of thruster 1",)),
     "no direction": ([("direction = [2, 0, 0]", "direction = [0, 0, 0]")], ("thrusters[1].direction",)),
@@ -228,6 +230,10 @@ REFUSED = {
         ("channels.f_1.curve", "a law acts on the sum"),
     ),
     "column and sum": ([('{ column = "u"', '{ column = "u", sum = "u"')], ("both column and sum",)),
+    "gains of all and of each": (
+        [("[prior.gain_f_2]", f"{GAINS}\n[prior.gain_f_2]")],
+        ("prior.gain_f\n", "they multiply"),
+    ),
     "a gain without a prior that could be": ([("gain_f_2", "gain_f_9")], ("gain_f_9", "nothing uses")),
 }
 TABLES = {
@@ -348,3 +354,67 @@ def test_a_sum_that_misses_the_neutral_of_its_law_is_refused(tmp_path, log, name
     followed = one, f"{mixed}, offset = 3000"
     (record,) = get_trials(campaign(tmp_path, (command, motion), *changes, followed)).fit
     np.testing.assert_allclose(record.channel("f_1"), law(total + 3000.0), atol=1e-9)
+
+
+VOLTAGE = (
+    "reverse = 0.8\n",
+    """reverse = 0.8
+
+[vehicle.thrust_laws.main.voltage]
+stated = "16 V"
+exponent = [1.2, 0.001]
+exponent_above = [0.5]
+widening = 30
+""",
+)
+BATTERY = '[[import.files]]\npath = "battery.csv"\ntime = { column = "t", unit = "s" }\nchannels.V = { column = "volts", unit = "mV" }\n'
+
+
+def test_thrust_is_that_at_the_battery_voltage_logged_last(tmp_path, log):
+    """Of another log, with its own stamps: command by command as the law is written down; the voltage is no channel of the record."""
+    rows = [(-0.05, 19.0), (3.15, 17.0), (9.95, 13.0), (20.05, 8.0)]
+    (tmp_path / "battery.csv").write_text("t,volts\n" + "".join(f"{t},{1000 * v}\n" for t, v in rows))
+    found = campaign(tmp_path, log, VOLTAGE, ("[[import.files]]", f"{BATTERY}\n[[import.files]]"))
+    (record,) = get_trials(found).fit
+    assert set(record.controls) == {"f_1", "f_2", "f_3"}
+    assert "V" not in record.measured
+    for k in range(0, len(record.time), 7):
+        volts = [v for t, v in rows if t <= record.time[k] + 1e-9][-1]
+        wide = 20.0 + 30.0 * (16.0 / volts - 1.0)
+        for command, thrust in zip(log[0][k], record.control[k], strict=True):
+            beyond = max(abs(command - 1500.0) - wide, 0.0)
+            size = 0.08 * (20.0 + beyond) * (volts / 16.0) ** (0.5 if volts > 16 else 1.2 + 0.001 * beyond)
+            expected = 0.0 if beyond == 0 else size if command > 1500 else -0.8 * size
+            assert thrust == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    assert commands_of(found)["f_1"](10.0) == pytest.approx(1625.0)  # a schedule is written for the stated voltage
+    with pytest.raises(InputError, match="different times"):
+        Channels(found, "a stream", print)
+
+
+@pytest.mark.parametrize(
+    ("changes", "table", "said"),
+    {
+        "no voltage": ([VOLTAGE], "", "no channel V"),
+        "a voltage of zero": (
+            [VOLTAGE, ("[[import.files]]", f"{BATTERY}\n[[import.files]]")],
+            "0,0\n1,16000\n2,16000\n",
+            "not above 0 V",
+        ),
+        "a curve without zero": (
+            [VOLTAGE, CURVE, ("dead_zone = [1480, 1520]\n", "")],
+            "",
+            "no command without thrust",
+        ),
+        "a dead zone that is none": (
+            [VOLTAGE, ("dead_zone = [1480, 1520]\n", "")],
+            "",
+            "the polynomial has no dead_zone",
+        ),
+        "a stated voltage of zero": ([VOLTAGE, ("16 V", "0 V")], "", "stated"),
+    }.values(),
+)
+def test_a_law_with_a_voltage_needs_it(tmp_path, log, changes, table, said):
+    (tmp_path / "battery.csv").write_text("t,volts\n" + table)
+    (tmp_path / "thrust.csv").write_text("pwm,thrust\n1000,5\n2000,40\n")
+    with pytest.raises(InputError, match=said):
+        get_trials(campaign(tmp_path, log, *changes))

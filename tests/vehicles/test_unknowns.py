@@ -61,7 +61,7 @@ def test_law_of_thrust_against_its_definition():
     np.testing.assert_allclose(law.thrust(command)[:-1], expected, rtol=1e-12)
     assert np.isnan(law.thrust(command)[-1])
     tabled = ThrustLaw("t.csv", reverse=2.0)
-    np.testing.assert_array_equal(tabled.thrust(command[:2], np.array([-3.0, 1.0])), [-6.0, 1.0])
+    np.testing.assert_array_equal(tabled.thrust(command[:2], lambda _: np.array([-3.0, 1.0])), [-6.0, 1.0])
 
 
 def test_places_make_moments():

@@ -96,6 +96,7 @@ _OWN_SIGNALS: dict[str, Dimension] = {}
 # Signals whose time derivative may be written, as in `X_udot`.
 RATES = ("u", "v", "w", "p", "q", "r")
 SPEEDS = dict(zip("XYZKMN", RATES, strict=True))  # Velocity along or about each axis, by its force or moment
+BATTERY = "V"  # Channel of the battery voltage
 CONTROLS = ("n", "delta_r", "delta_s", "tau_X", "tau_Y", "tau_Z", "tau_K", "tau_M", "tau_N")
 
 

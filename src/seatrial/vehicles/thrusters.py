@@ -7,8 +7,9 @@ voltage V; without such terms it is the commanded force. In a dead zone d of the
 Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, section 9.1.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,50 @@ NO_PUSH = 1e-9
 
 
 @dataclass(frozen=True)
+class VoltageEffect:
+    """Change of a law of thrust with the battery voltage V: its dead zone shrinks, and what lies beyond it gains.
+
+        ends of the dead zone:    lower - w, upper + w,    w = widening (V_0 / V - 1)
+        thrust:    T(c_0) (V / V_0)^k(x),    k(x) = k_0 + k_1 x + …
+
+    T is the law at V_0, c_0 the command that lies as far beyond the dead zone at V_0 as the command does at V, and x this distance. An
+    electric motor starts from a voltage, so that its dead zone has a part in proportion to 1 / V. Above some voltage the thrust of a
+    part of the throttle gains less, so that k may differ there.
+
+    Attributes:
+        stated: V_0, V.
+        exponent: k up to V_0 by powers of x, the constant first.
+        exponent_above: k above it.
+        widening: w at half of V_0, in units of the command.
+    """
+
+    stated: float
+    exponent: tuple[float, ...]
+    exponent_above: tuple[float, ...]
+    widening: float = 0.0
+
+    def at_stated(
+        self, command: Float[np.ndarray, " n"], volts: Float[np.ndarray, " n"], zone: tuple[float, float]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return c_0, inside the dead zone if the command is, and the factor on its thrust.
+
+        Args:
+            command: as logged.
+            volts: battery voltage at each command, V.
+            zone: ends of the dead zone at V_0.
+        """
+        lower, upper = zone
+        moved = np.maximum(self.widening * (self.stated / volts - 1.0), 0.5 * (lower - upper))
+        beyond = np.where(command < lower - moved, command - lower + moved, np.maximum(command - upper - moved, 0.0))
+        acting = np.where(beyond == 0, 0.5 * (lower + upper), np.where(beyond < 0, lower, upper) + beyond)
+        power = np.polynomial.polynomial.polyval
+        k = np.where(
+            volts > self.stated, power(np.abs(beyond), self.exponent_above), power(np.abs(beyond), self.exponent)
+        )
+        return acting, (volts / self.stated) ** k
+
+
+@dataclass(frozen=True)
 class ThrustLaw:
     """Thrust of a command, such as a pulse width: by a table or a polynomial, none in a dead zone, and a share of it astern.
 
@@ -37,6 +82,7 @@ class ThrustLaw:
         neutral: command of no thrust.
         dead_zone: commands from the first to the second of which there is none, ends included.
         reverse: share of the thrust that is left where it is negative.
+        voltage: effect of the battery voltage; None for a law of any voltage.
     """
 
     table: str = ""
@@ -44,24 +90,34 @@ class ThrustLaw:
     neutral: float = 0.0
     dead_zone: tuple[float, float] | None = None
     reverse: float = 1.0
+    voltage: VoltageEffect | None = None
 
     def thrust(
-        self, command: Float[np.ndarray, " n"], tabled: Float[np.ndarray, " n"] | None = None
+        self,
+        command: Float[np.ndarray, " n"],
+        table: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]] | None = None,
+        volts: Float[np.ndarray, " n"] | None = None,
     ) -> Float[np.ndarray, " n"]:
         """Return the thrust, N; NaN stays NaN.
 
         Args:
             command: as logged, shape (n,).
-            tabled: thrust by the table, if there is one, N, shape (n,).
+            table: returns the thrust by the table, N, if there is one.
+            volts: battery voltage, V, shape (n,); that at which the law is stated if not given.
         """
-        thrust = np.polynomial.polynomial.polyval(command - self.neutral, self.polynomial) if tabled is None else tabled
-        thrust = np.where(self.is_dead(command), 0.0, thrust)
+        growth: Any = 1.0
+        if self.voltage is not None and volts is not None:
+            command, growth = self.voltage.at_stated(command, volts, self.dead_zone or (self.neutral, self.neutral))
+        polynomial = partial(np.polynomial.polynomial.polyval, c=self.polynomial)
+        thrust = polynomial(command - self.neutral) if table is None else table(command)
+        thrust = np.where(self.is_dead(command), 0.0, growth * thrust)
         return np.where(thrust < 0, self.reverse * thrust, thrust)
 
     def command(self, thrust: float, points: tuple[Sequence[float], Sequence[float]] | None = None) -> float:
         """Return the command that makes a thrust, N; NaN if none does, as at less than the jump at the end of a dead zone.
 
-        Of several commands it is the one nearest to neutral; of no thrust the middle of those of a table or of the dead zone.
+        It is that at the voltage at which the law is stated. Of several commands it is the one nearest to neutral; of no thrust the middle
+        of those of a table or of the dead zone.
 
         Args:
             thrust: N.
@@ -75,11 +131,11 @@ class ThrustLaw:
         if points is None:
             roots = (np.polynomial.Polynomial(self.polynomial) - ahead).roots()
             commands = self.neutral + roots[np.isclose(roots.imag, 0.0, atol=1e-9)].real
-            tabled = None
+            table = None
         else:
-            commands = _crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
-            tabled = np.interp(commands, *points)
-        commands = commands[np.isclose(self.thrust(commands, tabled), thrust, rtol=1e-6, atol=1e-9)]
+            commands = crossings(np.asarray(points[0]), np.asarray(points[1]), ahead)
+            table = partial(np.interp, xp=points[0], fp=points[1])
+        commands = commands[np.isclose(self.thrust(commands, table), thrust, rtol=1e-6, atol=1e-9)]
         if not commands.size:
             return np.nan
         return float(
@@ -124,7 +180,7 @@ class Thruster:
 PROPELLER = Thruster((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))  # One propeller on the axis of the hull, whose control is `n`
 
 
-def _crossings(
+def crossings(
     command: Float[np.ndarray, " n"], thrust: Float[np.ndarray, " n"], wanted: float
 ) -> Float[np.ndarray, " k"]:
     """Return the commands at which straight lines between the points of a table, shape (n,), have a thrust."""

@@ -25,7 +25,7 @@ from seatrial.core.argument_checks import check_path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, located, not_among
-from seatrial.core.signals import ANGLES, PROPULSION, QUATERNION, signal_unit, thruster_controls
+from seatrial.core.signals import ANGLES, BATTERY, PROPULSION, QUATERNION, is_thruster, signal_unit, thruster_controls
 from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.messages.catalogue import entry_of
@@ -105,6 +105,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     unknown = unknowns_of(model, models, assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
+    _check_gains(priors, model, keys)
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
     autopilot, design, own, power = AutopilotSettings(), file.design, None, None
@@ -128,7 +129,8 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     # A log may have columns of thrusters that push along no axis of the model.
     named = map(CoefficientName.parse, (*terms, *vehicle.hull.fixed))
     thrusters = controls_of(vehicle.body.thrusters, named) if isinstance(vehicle, WholeVehicle) else ()
-    recorded = dict.fromkeys((*commands, *model.channel_units(), *thrusters))
+    volts = (BATTERY,) if any(law.voltage for law in laws.values()) else ()
+    recorded = dict.fromkeys((*commands, *model.channel_units(), *thrusters, *volts))
     campaign = Campaign(
         name=file.campaign.name,
         seed=file.campaign.seed,
@@ -168,6 +170,19 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     check_truth(campaign)
     _check_start(campaign, is_trim_stated=design is not None and design.trim is not None)
     return campaign
+
+
+def _check_gains(priors: Collection[str], model: VehicleModel, keys: FileKeys) -> None:
+    """Refuse a common gain of thrusters each of which has its own: their product alone acts."""
+    for letter in dict.fromkeys(name[0] for name in model.controls if is_thruster(name)):
+        own = [f"gain_{name}" for name in model.controls if is_thruster(name) and name[0] == letter]
+        if f"gain_{letter}" in priors and all(name in priors for name in own):
+            raise InputError(
+                keys.where(f"prior.gain_{letter}"),
+                found=f"a gain of all thrusters, and {', '.join(own)}",
+                expected="one or the other, because they multiply: only their products act",
+                remedy=f"remove [prior.gain_{letter}], or the gain of one thruster, to which those of the others are then relative",
+            )
 
 
 def _check_effects(file: CampaignFile, campaign: Campaign, keys: FileKeys) -> None:

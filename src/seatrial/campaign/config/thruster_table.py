@@ -2,25 +2,50 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table, refused, without_effect
+from seatrial.campaign.config.quantities import Metres, Seconds, Several, Table, Unit, refused, without_effect
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest
-from seatrial.vehicles.thrusters import Thruster, ThrustLaw
+from seatrial.vehicles.thrusters import Thruster, ThrustLaw, VoltageEffect
+
+Volts = Annotated[float, Unit("V", above=0.0, remedy='write for example stated = "16 V"')]
+
+
+class VoltageTable(Table):
+    """`[vehicle.thrust_laws.NAME.voltage]`: the change of a law with the battery voltage, which channel `V` of the log gives.
+
+    The law holds at the voltage `stated`. At another voltage V each end of the dead zone lies `widening` times (stated / V - 1)
+    farther out. The thrust is that of the command as far beyond the dead zone, times (V / stated) to the power k. The exponent k is a
+    polynomial in this distance, the constant first: `exponent` up to the stated voltage, and `exponent_above` above it.
+    """
+
+    stated: Volts = Field(description="voltage at which the curve or polynomial, and the dead zone, hold")
+    exponent: Several[float] = Field(
+        min_length=1, max_length=4, description="k by powers of the distance beyond the dead zone, the constant first"
+    )
+    exponent_above: Several[float] | None = Field(
+        default=None, min_length=1, max_length=4, description="k above the stated voltage; `exponent` if not given"
+    )
+    widening: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="distance by which each end of the dead zone lies farther out at half the voltage",
+    )
 
 
 class ThrustLawTable(Table):
     """`[vehicle.thrust_laws.NAME]`: the thrust of a logged command, such as a pulse width in microseconds.
 
-    `curve` is a CSV of two columns with a header, the command and the thrust in N. Instead, `polynomial` gives the thrust in N by
-    powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`, ends included, there is no
-    thrust. Negative thrust is multiplied by `reverse`. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
-    converted by the law of thruster 1. Commands beyond the curve are refused. So are those below 500 or above 2500 if a polynomial
-    has a `neutral` between 1000 and 2000, as one of pulse widths has.
+    `curve` is a CSV of two columns with a header, the command and the thrust in N. Instead, `polynomial` gives the
+    thrust in N by powers of the command minus `neutral`, the constant first. Between the two commands of `dead_zone`,
+    ends included, there is no thrust. Negative thrust is multiplied by `reverse`. Both also act on a `curve`: leave
+    them out if it contains them. `lag` is the time constant of the thrust. A channel f_1 in the unit "command" is
+    converted by the law of thruster 1. Commands beyond the curve are refused. So are those below 500 or above 2500 if
+    a polynomial has a `neutral` between 1000 and 2000, as one of pulse widths has.
     """
 
     curve: str | None = Field(
@@ -46,6 +71,10 @@ class ThrustLawTable(Table):
         "thrusters",
     )
 
+    voltage: VoltageTable | None = Field(
+        default=None, description="change with the battery voltage, `[vehicle.thrust_laws.NAME.voltage]`"
+    )
+
     @model_validator(mode="after")
     def _check_law(self) -> Self:
         if (self.curve is None) == (self.polynomial is None):
@@ -60,13 +89,19 @@ class ThrustLawTable(Table):
             raise refused(
                 f"{list(self.dead_zone)}", "the lower command first", "write for example [1475, 1525]", "dead_zone"
             )
+        if self.voltage is not None and self.voltage.widening and self.polynomial and self.dead_zone is None:
+            raise without_effect("voltage.widening", "the polynomial has no dead_zone")
         return self
 
     @property
     def law(self) -> ThrustLaw:
         """The law, whose curve is yet to be read."""
         zone = None if self.dead_zone is None else (self.dead_zone[0], self.dead_zone[1])
-        return ThrustLaw(self.curve or "", tuple(self.polynomial or ()), self.neutral, zone, self.reverse)
+        effect, one = None, self.voltage
+        if one is not None:
+            above = one.exponent_above or one.exponent
+            effect = VoltageEffect(one.stated, tuple(one.exponent), tuple(above), one.widening)
+        return ThrustLaw(self.curve or "", tuple(self.polynomial or ()), self.neutral, zone, self.reverse, effect)
 
 
 class ThrusterTable(Table):

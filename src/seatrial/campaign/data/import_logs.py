@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from seatrial.core.errors import InputError, located
 from seatrial.core.record import Record, Role
 from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.result_table import text_html
+from seatrial.core.signals import BATTERY
 from seatrial.logs.align import align
 from seatrial.logs.curve import CellCurve, Curve, check_within, read_curve
 from seatrial.logs.cut_record import cut, is_beyond
@@ -28,10 +30,11 @@ from seatrial.logs.formats.protocol import NoColumn
 from seatrial.logs.formats.registry import format_of, hash_of_log
 from seatrial.logs.join_logs import Commanded, Condition, body_tables, join_logs, unchecked
 from seatrial.logs.log_table import read_log_table
+from seatrial.logs.measured_control import mean_to_next
 from seatrial.logs.source import ColumnMap, LogSource, LogTable
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.thrusters import ThrustLaw
+from seatrial.vehicles.thrusters import ThrustLaw, crossings
 
 _TRIED_COMMANDS = 401  # Commands at which a polynomial of thrust is looked at
 
@@ -222,8 +225,51 @@ def _tables(campaign: Campaign, imports: ImportTable, run: str) -> list[LogTable
         _check_layout(campaign.where, file, path, index)
         source = log_source(campaign, file, path, index, roles)
         with located(campaign.where(f"import.files[{index}]")), _of_several_runs(imports, file, run):
-            logs.append(read_log_table(source))
-    return body_tables(logs, roles, campaign.channels)
+            logs.append((file, read_log_table(source)))
+    return body_tables(
+        _at_voltage(logs, BATTERY in roles, campaign.where("import.files"), run), roles, campaign.channels
+    )
+
+
+def _at_voltage(logs: Sequence[tuple[LogFile, LogTable]], is_control: bool, where: str, run: str) -> list[LogTable]:
+    """Return logs in which each thrust whose law knows the battery voltage is that at the voltage logged last.
+
+    Args:
+        logs: of a run, with their maps; the thrusts are those at the voltage at which their laws are stated.
+        is_control: whether the vehicle feels the voltage too; if not, it is left out of the logs.
+        where: key of the files, for errors.
+        run: its label.
+
+    Raises:
+        InputError: no voltage, or one that is not above 0.
+    """
+    laws = [one.curve for _, log in logs for cells in log.curved.values() for one in cells]
+    if not any(isinstance(one, _Thrust) and one.law.voltage for one in laws):
+        return [log for _, log in logs]
+    battery = next((log for _, log in logs if BATTERY in log.columns), None)
+    volts = np.full(1, np.nan) if battery is None else battery.columns[BATTERY]
+    known = np.isfinite(volts)
+    if battery is None or not known.any() or volts[known].min() <= 0:
+        raise InputError(
+            where,
+            found=f"run {run}: no channel V" if battery is None else f"run {run}: a channel V that is not above 0 V",
+            expected="the battery voltage, because [vehicle.thrust_laws] has a voltage",
+            remedy='map it, for example channels.V = { column = "battery", unit = "V" }; a log of another message is a separate '
+            "[[import.files]]",
+        )
+    result = []
+    for file, log in logs:
+        columns = dict(log.columns)
+        for name, (one, *_) in log.curved.items():
+            if isinstance(one.curve, _Thrust) and one.curve.law.voltage:
+                last = np.searchsorted(battery.time[known] + float(battery.epoch - log.epoch), log.time, side="right")
+                thrust = file.channels[name].scale * one.curve(one.cells, volts[known][np.maximum(last - 1, 0)])
+                thrust = np.where(np.isnan(thrust), columns[name], thrust)  # a gap, or a command that `align` refuses
+                columns[name] = mean_to_next(thrust) if file.channels[name].between == "line" else thrust
+        gone = () if is_control else (BATTERY,)
+        kept = tuple(channel for channel in log.channels if channel.name not in gone)
+        result.append(replace(log, channels=kept, columns={one.name: columns[one.name] for one in kept}))
+    return result
 
 
 @contextmanager
@@ -374,6 +420,16 @@ def _law(campaign: Campaign, index: int, name: str, column: LogColumn, law: Thru
             expected="thrust that only rises with the command, or only falls; flat stretches are allowed",
             remedy="smooth the measured points, or leave out the one that is wrong",
         )
+    if law.voltage is not None and curve is not None and law.dead_zone is None:
+        dead = crossings(np.asarray(curve.logged), np.asarray(curve.value), 0.0)
+        if not dead.size:
+            raise InputError(
+                where,
+                found=f"no command without thrust in {curve.name}",
+                expected="a curve that goes through 0 N, because the voltage moves the ends of its dead zone",
+                remedy="add the commands of no thrust, or a dead_zone",
+            )
+        law = replace(law, dead_zone=(float(dead.min()), float(dead.max())))
     return _Thrust(law, curve)
 
 
@@ -389,10 +445,19 @@ class _Thrust:
         """See `CellCurve`."""
         return f"law of thrust, {self.table.name if self.table else 'polynomial'}"
 
-    def __call__(self, cells: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the thrust, N; NaN beyond the table, and of no pulse width by a law for pulse widths."""
-        thrust = self.law.thrust(cells, None if self.table is None else self.table(cells))
-        lower, upper = self.law.pulses
+    def __call__(
+        self, cells: Float[np.ndarray, " n"], volts: Float[np.ndarray, " n"] | None = None
+    ) -> Float[np.ndarray, " n"]:
+        """Return the thrust, N; NaN beyond the table, and of no pulse width by a law for pulse widths.
+
+        Args:
+            cells: commands.
+            volts: battery voltage at each, V; that at which the law is stated if not given.
+        """
+        lower, upper = self.law.pulses if self.table is None else (self.table.logged[0], self.table.logged[-1])
+        # At a higher voltage the last commands act as the end of the table does.
+        table = None if self.table is None else partial(np.interp, xp=self.table.logged, fp=self.table.value)
+        thrust = self.law.thrust(cells, table, volts)
         return np.where(((cells < lower) | (cells > upper)) & ~self.law.is_dead(cells), np.nan, thrust)
 
     def check(self, cells: Float[np.ndarray, " n"], time: Float[np.ndarray, " n"], where: str) -> None:

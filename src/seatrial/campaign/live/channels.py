@@ -59,6 +59,14 @@ class Channels:
         self.sources = [log_source(campaign, file, Path(name), i, self.roles) for i, file in enumerate(files)]
         for source in self.sources:
             check_source(source)
+        laws = [column.law for file in files for column in file.channels.values()]
+        if any(law is not None and law.voltage is not None for law in laws):
+            raise InputError(
+                campaign.where("vehicle.thrust_laws"),
+                found="a law of thrust with a voltage",
+                expected="laws of one voltage: a live stream gives commands and voltage at different times",
+                remedy="leave out its voltage, or import the log after the trial",
+            )
         self.text = _Text(self)
         self.attitude: dict[str, float] = {}
 
