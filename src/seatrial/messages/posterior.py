@@ -159,8 +159,8 @@ REMEDIES = {
     ),
     "explain-channel": Remedy(
         command="check units, signs, the channel map, the mount of the sensor, outliers of {channel} "
-        '(residuals = "heavy" tolerates them) and the other priors. Noise does not explain the error of {channel}. Widen '
-        "[prior.{subject[0]}] only if {channel} is so noisy",
+        '(residuals = "heavy" tolerates them) and the other priors. Noise does not explain the error of {channel}. Only if '
+        "{channel} is so noisy, widen [prior.{subject[0]}] or, without that table, raise noise under [sensors.{channel}]",
         python="check units, signs, the channels read, the mount of the sensor, outliers of {channel} "
         '(a sensor with noise="heavy" tolerates them) and the other priors. Noise does not explain the error of {channel}. Widen the '
         "prior of {subject[0]} only if {channel} is so noisy",

@@ -10,6 +10,7 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.import_table import ImportTable
+from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.data.import_logs import log_source, signal_roles
 from seatrial.campaign.live.sources import Piece
 from seatrial.core.errors import InputError
@@ -59,8 +60,8 @@ class Channels:
         self.sources = [log_source(campaign, file, Path(name), i, self.roles) for i, file in enumerate(files)]
         for source in self.sources:
             check_source(source)
-        laws = [column.law for file in files for column in file.channels.values()]
-        if any(law is not None and law.voltage is not None for law in laws):
+        laws = campaign.vehicle.laws if isinstance(campaign.vehicle, WholeVehicle) else ()
+        if any(law.voltage for law in laws):
             raise InputError(
                 campaign.where("vehicle.thrust_laws"),
                 found="a law of thrust with a voltage",
