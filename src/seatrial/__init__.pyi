@@ -69,6 +69,8 @@ from seatrial.estimation.priors import (
 from seatrial.estimation.priors import (
     truncated_normal as truncated_normal,
 )
+from seatrial.estimation.priors.from_shape import ShapePriors as ShapePriors
+from seatrial.estimation.priors.from_shape import priors_from_shape as priors_from_shape
 from seatrial.estimation.simulation.sensor_errors import Sensor as Sensor
 from seatrial.export.from_campaign import export_to
 from seatrial.logs.inspect import inspect_log as inspect_log

@@ -114,7 +114,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str = "", log: Path | None = No
     commanded = any(guess.unit == COMMAND for guess in best(summary.guesses, controls))
     mapped = [*controls, *(name for name in sensors if name != "attitude"), *(ANGLES if "attitude" in sensors else ())]
     parts = [
-        _head(
+        file_head(
             f"{vehicle}, {log.stem}",
             f"from the log {log.name}: check the map at the end, the thrust, and the noise of the sensors",
             "seatrial import DIR; seatrial check DIR; seatrial estimate DIR --by mode. `seatrial inspect LOG` lists its columns",
@@ -124,7 +124,7 @@ def vehicle_campaign_text(folder: Path, vehicle: str = "", log: Path | None = No
         "[structure]\nalways = " + json.dumps(list(body.terms(body.moves))),
         *([_BELIEVED] if commanded else []),
         *(text for axis, text in _TRIM.items() if body.thrusters and set(axis) & {*body.moves}),
-        _measured(sensors),
+        sensor_lines(sensors),
         '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
         _next_trial(controls[0]),
         f'[import]\nfit = ["1"]\nstep = "{_step(summary, controls)} s"',
@@ -180,14 +180,14 @@ def _before_any_log(vehicle: str) -> str:
     return (
         "\n\n".join(
             (
-                _head(
+                file_head(
                     f"{vehicle}, first trial",
                     "without data: check the trim, the noise of the sensors and the trial",
                     "seatrial prior DIR; seatrial design DIR. A trial begins at the trim; limits are under [limits.NAME]",
                 ),
                 _vehicle(vehicle, ["z"] * ("z" in sensors), trim),
                 "[structure]\nalways = " + json.dumps(list(terms)),
-                _measured(sensors),
+                sensor_lines(sensors),
                 '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
                 _next_trial(controls[0]),
             )
@@ -204,7 +204,8 @@ def _named(folder: Path, log: Path) -> str:
         return log.resolve().as_posix()
 
 
-def _head(name: str, subject: str, commands: str) -> str:
+def file_head(name: str, subject: str, commands: str) -> str:
+    """Return the first lines of a campaign file: its schema, its subject, the commands that follow, and its name."""
     return (
         f"{SCHEMA_LINE}\n# A campaign {subject}.\n# {commands}."
         f"\n\n[campaign]\nname = {json.dumps(name, ensure_ascii=False)}\nseed = 1"
@@ -263,7 +264,8 @@ def _sensors(summary: LogSummary, axes: tuple[str, ...]) -> list[str]:
     return [*speeds, *(["z"] if "z" in guessed and "w" in axes else []), *places, *angles]
 
 
-def _measured(sensors: list[str]) -> str:
+def sensor_lines(sensors: list[str]) -> str:
+    """Return the table of sensors by channel, with the usual noise of each."""
     lines = ["# Assumed noise of one sample; the fit can find up to five times as much."]
     return "\n".join([*lines, "[sensors]", *(f'{name} = {{ noise = "{_NOISE[name]}" }}' for name in sensors)])
 

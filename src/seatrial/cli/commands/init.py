@@ -29,9 +29,20 @@ Log = Annotated[
         help="Log of the vehicle, your own if --vehicle is not given; its columns are guessed, and the campaign imports it.",
     ),
 ]
+Shape = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WORDS",
+        help="Shape and mass of your vehicle, from which priors of inertia, added mass and drag follow: 'torpedo, length 1.6 m, diameter "
+        "0.19 m, mass 31 kg', with nose and tail if known; 'box, length 0.46 m, beam 0.34 m, height 0.25 m, mass 11.5 kg' for an open "
+        "frame; 'ellipsoid, ...'; or 'hull.stl, mass 31 kg'. See docs/how-to/priors.md, Priors from the shape.",
+    ),
+]
 
 
-def init(folder: Folder, template: Template = None, vehicle: Vehicle = None, log: Log = None) -> None:
+def init(
+    folder: Folder, template: Template = None, vehicle: Vehicle = None, log: Log = None, shape: Shape = None
+) -> None:
     """Write a commented campaign file.
 
     Without options it asks for each value of a template, if run in a terminal; otherwise it writes the template remus100.
@@ -45,7 +56,16 @@ def init(folder: Folder, template: Template = None, vehicle: Vehicle = None, log
             expected="a template, or a published vehicle",
             remedy="leave --template out, or edit the file that it writes",
         )
-    if vehicle is not None or log is not None:
+    if shape is not None:
+        if template is not None or vehicle is not None or log is not None:
+            raise InputError(
+                "--shape",
+                found="--template, --vehicle or --log too",
+                expected="a shape alone",
+                remedy="leave the others out. To use the priors with a log, copy their tables into the campaign of the log",
+            )
+        _write_of_shape(folder, shape)
+    elif vehicle is not None or log is not None:
         _write_of_vehicle(folder, vehicle or "", log)
     elif template is None and _is_terminal() and not current_answer().as_json:
         _ask_all(folder)
@@ -87,6 +107,16 @@ def _write_of_vehicle(folder: Path, vehicle: str, log: Path | None) -> None:
             f"{vehicle or 'your vehicle'} and its log {log.name}",
             f"check its map and its {'law of thrust' if vehicle else 'mass and priors'}, then: {following}",
         )
+
+
+def _write_of_shape(folder: Path, shape: str) -> None:
+    from seatrial.campaign.config.load import check_text
+    from seatrial.campaign.config.shape_campaign import shape_campaign_text, shape_of_text
+
+    text = shape_campaign_text(shape)
+    check_text(folder, text)
+    current_answer().say(repr(shape_of_text(shape)))
+    _write(folder, text, shape, f"correct forces and sensors, then: seatrial prior {folder}; seatrial run {folder}")
 
 
 def _write(folder: Path, text: str, subject: str, following: str) -> None:

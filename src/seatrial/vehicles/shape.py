@@ -1,0 +1,385 @@
+"""Inertia, added mass and drag of a vehicle from its outer shape, each with a factor of error.
+
+Two forms are known: a closed hull of elliptical sections, and an open frame in a box.
+
+    added mass of a hull   strips, rho pi h^2 across the height h, times Lamb's ellipsoid over the strips of that ellipsoid
+    added mass of a frame  square prisms and plates, times the share of the box that solid parts fill
+    drag                   rho/2 C_D times area: friction and form along a hull, cross-flow across it, a bluff block for a frame
+
+A hull across its own axis and a frame have the moments of the same forces on strips. Fins, thrusters and lift are not modelled. The
+factors are by how much published values of vehicles differ (docs/dev/shapes.md), not by how well the formulas hold for their shapes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi, sqrt
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import elliprd
+
+from seatrial.core.argument_checks import check_choice, check_number, check_path
+from seatrial.core.errors import InputError
+from seatrial.core.signals import RATES
+from seatrial.vehicles.hull import AXES
+
+Form = Literal["torpedo", "ellipsoid", "box"]
+FORMS: tuple[Form, ...] = ("torpedo", "ellipsoid", "box")
+SEAWATER = 1025.0  # kg/m^3
+# Mass over the enclosed volume that a vehicle may have, kg/m^3; water fills most of the box about an open frame.
+DENSITIES = {"torpedo": (200.0, 3000.0), "ellipsoid": (200.0, 3000.0), "box": (100.0, 3000.0)}
+STATIONS = 401  # Along a hull
+CUTS = 101  # Sections of a mesh
+
+# Added mass of a square prism along its axis over rho a^3, by its length over its side a: DNV-RP-N103 (2017), table A-2, which
+# gives it over rho times the volume. At length 0 it is that of a square plate, 0.579 pi/4.
+_PRISM = ((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0), (0.455, 0.68, 0.72, 0.72, 0.76, 0.75, 0.78, 0.77))
+# Added mass of a rectangular plate over that of a square one of the same area, by the ratio of its sides; the same table.
+_PLATE = ((1.0, 1.5, 2.0, 3.0, 5.0, 10.0), (1.0, 0.973, 0.925, 0.828, 0.693, 0.517))
+FRICTION = 0.004  # Of a turbulent boundary layer at a Reynolds number of two million, ITTC-1957
+APPENDAGES = 2.0  # Drag with fins, openings and sensors over that of the bare hull: 0.27 and 0.1 of a towed REMUS 100 (Prestero, 2001)
+CROSS_FLOW = 1.1  # Drag coefficient of a cylinder across the flow: Hoerner, Fluid-Dynamic Drag (1965), chapter 3
+BLOCK = 1.05  # Of a cube, face on: the same
+# Linear drag over quadratic drag: speed, m/s, and rate, rad/s, at which both are equal. Means of published tables; no theory gives them.
+LINEAR_SPEED, LINEAR_RATE = 0.1, 1.0
+
+
+class Quality(NamedTuple):
+    """How well a kind of number follows from the shape.
+
+    Attributes:
+        factor: within which of the estimate 68 % of published values lie, and 95 % within its square.
+        source: of the formula.
+    """
+
+    factor: float
+    source: str
+
+
+QUALITIES = {
+    "hull inertia": Quality(1.4, "uniform density"),
+    "box inertia": Quality(1.6, "uniform density"),
+    "hull added mass": Quality(1.7, "strips, Lamb's ellipsoid"),
+    "hull added inertia": Quality(2.5, "strips, Lamb's ellipsoid"),
+    "box added mass": Quality(1.7, "DNV-RP-N103, table A-2, share of solid parts"),
+    "box added inertia": Quality(3.0, "added mass of strips"),
+    "hull surge drag": Quality(1.5, "Hoerner, bare hull, doubled"),
+    "hull cross-flow drag": Quality(2.5, "cross-flow, C_D 1.1"),
+    "hull turning drag": Quality(3.0, "cross-flow on strips, C_D 1.1"),
+    "box drag": Quality(2.2, "Hoerner, block, C_D 1.05"),
+    "box turning drag": Quality(4.0, "block on strips, C_D 1.05"),
+    "linear drag": Quality(6.0, f"equal to quadratic drag at {LINEAR_SPEED:g} m/s"),
+    "linear turning drag": Quality(7.0, f"equal to quadratic drag at {LINEAR_RATE:g} rad/s"),
+}
+"""By kind of number; `python docs/shapes.py` compares the factors with published vehicles."""
+
+
+class ShapeTerm(NamedTuple):
+    """A coefficient from the shape.
+
+    Attributes:
+        name: `X_udot`, `X_u`, `X_uabsu` and the like of the other axes.
+        value: SI, below 0: damping dissipates, and water opposes the acceleration.
+        kind: of `QUALITIES`.
+    """
+
+    name: str
+    value: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The outer shape of a vehicle; build it with `vehicle_shape`, which checks it. Body axes at the centre of volume.
+
+    Attributes:
+        form: of `FORMS`; a mesh is an ellipsoid with sections of its own, or a box.
+        size: length, beam and height, m.
+        mass: kg.
+        volume: of the hull, or of the box about a frame, m^3.
+        inertia: I_xx, I_yy, I_zz of a body of uniform density, kg m^2.
+        sections: station along x, half the beam and half the height there, m; none of a box.
+    """
+
+    form: Form
+    size: tuple[float, float, float]
+    mass: float
+    volume: float
+    inertia: tuple[float, float, float]
+    sections: Float[np.ndarray, "3 n"]
+
+    @property
+    def body(self) -> str:
+        """First word of the kinds of `QUALITIES`."""
+        return "box" if self.form == "box" else "hull"
+
+
+def vehicle_shape(
+    form: str,
+    *,
+    mass: float,
+    length: float | None = None,
+    diameter: float | None = None,
+    beam: float | None = None,
+    height: float | None = None,
+    nose: float | None = None,
+    tail: float | None = None,
+    mesh: Path | str | None = None,
+) -> Shape:
+    """Build the shape of a vehicle.
+
+    Args:
+        form: `torpedo` (elliptical nose, cylinder, conical tail), `ellipsoid`, or `box` (open-frame ROV).
+        mass: with what water it encloses, kg; the dry mass of a frame.
+        length: m.
+        diameter: m; instead of `beam` and `height`.
+        beam: m.
+        height: m.
+        nose: length of the nose of a torpedo, m; its beam if not given.
+        tail: length of its tail, m; twice its beam if not given.
+        mesh: STL file in m, x forward, y to starboard, z down, instead of the lengths; needs the extra `mesh`.
+
+    Raises:
+        InputError: lengths that are missing, too many or no vehicle's, or a mass that gives a density which no vehicle has.
+    """
+    place = f"shape of a {check_choice(form, FORMS, 'shape, form')}"
+    check_number(mass, f"{place}, mass", above=0.0, remedy="give the mass in kg")
+    lengths = {"length": length, "diameter": diameter, "beam": beam, "height": height, "nose": nose, "tail": tail}
+    given = {name: check_number(one, f"{place}, {name}", above=0.0) for name, one in lengths.items() if one is not None}
+    if mesh is not None:
+        shape = _of_mesh(form, mass, given, check_path(mesh, f"{place}, mesh"), place)
+    else:
+        size = _size(given, form, place)
+        shape = _box(size, mass) if form == "box" else _hull(form, mass, _profile(form, size, given, place), size)
+    least, most = DENSITIES[shape.form]
+    if not least <= (density := mass / shape.volume) <= most:
+        length, beam, height = shape.size
+        raise InputError(
+            f"{place}, mass",
+            found=f"{mass:g} kg in {shape.volume:.3g} m^3 ({length:.3g} x {beam:.3g} x {height:.3g} m): {density:.4g} kg/m^3",
+            expected=f"a density of {least:g} to {most:g} kg/m^3, which vehicles have",
+            remedy="check the lengths and the mass, and their units",
+        )
+    return shape
+
+
+def shape_terms(shape: Shape, density: float = SEAWATER) -> tuple[ShapeTerm, ...]:
+    """Return added mass, linear and quadratic drag of a shape; of roll only those of a box and of a hull that is not round.
+
+    Args:
+        shape: of the vehicle.
+        density: of the water, kg/m^3.
+    """
+    check_number(density, "shape, density of water", above=0.0)
+    body = shape.body
+    if body == "box":
+        added, drag = _box_added(shape, density), _box_drag(shape, density)
+    else:
+        added, drag = _hull_added(shape, density), _hull_drag(shape, density)
+    turning = {axis: axis in "KMN" for axis in AXES}
+    kinds = {"X": "hull surge drag", "Y": "hull cross-flow drag", "Z": "hull cross-flow drag"} if body == "hull" else {}
+    terms = []
+    for axis, rate in zip(AXES, RATES, strict=True):
+        if added[axis] > 0:
+            kind = "added inertia" if turning[axis] else "added mass"
+            terms.append(ShapeTerm(f"{axis}_{rate}dot", -added[axis], f"{body} {kind}"))
+        if axis in drag:
+            kind = kinds.get(axis, f"{body} turning drag" if turning[axis] else f"{body} drag")
+            scale, linear = (LINEAR_RATE, "linear turning drag") if turning[axis] else (LINEAR_SPEED, "linear drag")
+            terms.append(ShapeTerm(f"{axis}_{rate}", -scale * drag[axis], linear))
+            terms.append(ShapeTerm(f"{axis}_{rate}abs{rate}", -drag[axis], kind))
+    return tuple(terms)
+
+
+def ellipsoid_added_mass(length: float, beam: float, height: float) -> dict[str, float]:
+    """Return added mass and inertia of an ellipsoid over the density of the water, by axis, m^3 and m^5.
+
+    With the half axes a, b, c and Delta^2 = (a^2 + t)(b^2 + t)(c^2 + t), alpha = a b c times the integral of dt/((a^2 + t) Delta) from 0
+    to infinity, which is Carlson's R_D. Lamb, Hydrodynamics (6th ed., 1932), sections 114 and 115.
+    """
+    half = np.array([length, beam, height]) / 2
+    volume = 4 / 3 * pi * half.prod()
+    squares = half**2
+    alpha = [2 / 3 * half.prod() * elliprd(*np.delete(squares, axis), squares[axis]) for axis in range(3)]
+    added = {AXES[axis]: float(volume * alpha[axis] / (2 - alpha[axis])) for axis in range(3)}
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        difference, total = squares[one] - squares[other], squares[one] + squares[other]
+        turned = alpha[other] - alpha[one]
+        # A body of revolution sets no water in motion when it turns about its own axis.
+        round_ = abs(difference) < 1e-9 * total
+        share = 0.0 if round_ else difference**2 * turned / (2 * difference - total * turned)
+        added[AXES[axis + 3]] = float(volume / 5 * share)
+    return added
+
+
+def _strips(sections: Float[np.ndarray, "3 n"]) -> dict[str, float]:
+    """Return added mass and inertia of elliptical strips over the density, by axis but surge. Newman, Marine Hydrodynamics (1977), 4.3."""
+    x, b, h = sections
+    ways = {"Y": h**2, "Z": b**2, "K": (b**2 - h**2) ** 2 / 8, "M": (b * x) ** 2, "N": (h * x) ** 2}
+    return {axis: pi * float(np.trapezoid(values, x)) for axis, values in ways.items()}
+
+
+def _hull_added(shape: Shape, density: float) -> dict[str, float]:
+    """Return strips with the loss at the ends that an ellipsoid of the same size has, by axis."""
+    round_, strips = ellipsoid_added_mass(*shape.size), _strips(shape.sections)
+    about = _strips(_ellipsoid(shape.size))
+    added = {axis: density * one * (round_[axis] / about[axis] if about[axis] else 0.0) for axis, one in strips.items()}
+    return {"X": density * shape.volume * round_["X"] / (pi / 6 * float(np.prod(shape.size)))} | added
+
+
+def _hull_drag(shape: Shape, density: float) -> dict[str, float]:
+    """Return quadratic drag of a bare hull along its axis, doubled, and of its sections across the flow, by axis.
+
+    C_D over the wetted area is C_f (1 + 1.5 (d/l)^1.5 + 7 (d/l)^3): Hoerner, Fluid-Dynamic Drag (1965), chapter 6.
+    """
+    x, b, h = shape.sections
+    length, beam, height = shape.size
+    slenderness = sqrt(beam * height) / length
+    girth = pi * (3 * (b + h) - np.sqrt((3 * b + h) * (b + 3 * h)))  # Ramanujan's, of an ellipse
+    wetted = float(np.trapezoid(girth, x))
+    along = APPENDAGES * FRICTION * (1 + 1.5 * slenderness**1.5 + 7 * slenderness**3) * wetted
+    across = {"Y": 2 * h, "Z": 2 * b, "M": 2 * b * np.abs(x) ** 3, "N": 2 * h * np.abs(x) ** 3}
+    areas = {"X": along} | {axis: CROSS_FLOW * float(np.trapezoid(one, x)) for axis, one in across.items()}
+    return {axis: density / 2 * area for axis, area in areas.items()}
+
+
+def _box_added(shape: Shape, density: float) -> dict[str, float]:
+    """Return the added mass of a block times the share of it that is solid, and the moments of that mass as strips, by axis."""
+    added = {}
+    for axis in range(3):
+        depth, (one, other) = shape.size[axis], np.delete(shape.size, axis)
+        side, aspect = sqrt(one * other), max(one / other, other / one)
+        prism = float(np.interp(depth / side, *_PRISM) * np.interp(aspect, *_PLATE)) * side**3
+        added[AXES[axis]] = density * prism * min(1.0, shape.mass / (density * shape.volume))
+    (length, beam, height), (along, aside, down) = shape.size, (added[axis] for axis in "XYZ")
+    turning = {
+        "K": (beam**2 * down + height**2 * aside) / 12,
+        "M": (length**2 * down + height**2 * along) / 12,
+        "N": (length**2 * aside + beam**2 * along) / 12,
+    }
+    return added | turning
+
+
+def _box_drag(shape: Shape, density: float) -> dict[str, float]:
+    """Return the quadratic drag of a block, by axis."""
+    faces = {AXES[axis]: density / 2 * BLOCK * float(np.delete(shape.size, axis).prod()) for axis in range(3)}
+    length, beam, height = shape.size
+    # The integral of |s|^3 over an edge is s^4/32: a force rho/2 C_D r^2 s|s| on each strip.
+    turning = {
+        "K": (beam**3 * faces["Z"] + height**3 * faces["Y"]) / 32,
+        "M": (length**3 * faces["Z"] + height**3 * faces["X"]) / 32,
+        "N": (length**3 * faces["Y"] + beam**3 * faces["X"]) / 32,
+    }
+    return faces | turning
+
+
+def _size(given: Mapping[str, float], form: str, place: str) -> tuple[float, float, float]:
+    """Return length, beam and height."""
+    beam, height = (given.get(name, given.get("diameter")) for name in ("beam", "height"))
+    unused = [name for name in ("nose", "tail") if name in given and form != "torpedo"]
+    unused += ["diameter"] if {"diameter", "beam", "height"} <= {*given} else []
+    if "length" not in given or beam is None or height is None or unused:
+        raise InputError(
+            place,
+            found=", ".join(given) or "no length",
+            expected="length, and a diameter or beam and height" + ("; nose and tail if known" * (form == "torpedo")),
+            remedy=f"remove {unused[0]}" if unused else "give them in m",
+        )
+    return given["length"], beam, height
+
+
+def _ellipsoid(size: tuple[float, float, float]) -> Float[np.ndarray, "3 n"]:
+    """Return the sections of an ellipsoid; stations are closest at its ends, where it is steep."""
+    length, beam, height = size
+    turn = np.linspace(0.0, pi, STATIONS)
+    return np.array([-length / 2 * np.cos(turn), beam / 2 * np.sin(turn), height / 2 * np.sin(turn)])
+
+
+def _profile(
+    form: str, size: tuple[float, float, float], given: Mapping[str, float], place: str
+) -> Float[np.ndarray, "3 n"]:
+    """Return the sections of a hull from its tail to its nose."""
+    if form == "ellipsoid":
+        return _ellipsoid(size)
+    length, beam, height = size
+    nose, tail = given.get("nose", beam), given.get("tail", 2 * beam)
+    if nose + tail > length:
+        raise InputError(
+            f"{place}, length",
+            found=f"{length:g} m, with a nose of {nose:g} m and a tail of {tail:g} m",
+            expected="a nose and a tail that are together no longer than the vehicle",
+            remedy="give `nose` and `tail` in m, or the form ellipsoid",
+        )
+    # Behind the tip of the nose; stations are closest there, where it is steep.
+    tip, cone = nose * (1 - np.cos(np.linspace(0.0, pi / 2, STATIONS))), np.linspace(length - tail, length, STATIONS)
+    behind = np.unique(np.concatenate([tip, cone]))
+    wide = np.sqrt(1 - np.clip(1 - behind / nose, 0.0, 1.0) ** 2) * np.clip((length - behind) / tail, 0.0, 1.0)
+    return np.array([(length / 2 - behind)[::-1], (beam / 2 * wide)[::-1], (height / 2 * wide)[::-1]])
+
+
+def _hull(form: str, mass: float, sections: Float[np.ndarray, "3 n"], size: tuple[float, float, float]) -> Shape:
+    """Return a hull of uniform density about its centre of volume."""
+    x, b, h = sections
+    volume = float(np.trapezoid(pi * b * h, x))
+    x = x - float(np.trapezoid(pi * b * h * x, x)) / volume
+    squares = {"x": x**2, "y": b**2 / 4, "z": h**2 / 4}  # means over each section
+    mean = {axis: float(np.trapezoid(pi * b * h * one, x)) / volume for axis, one in squares.items()}
+    inertia = (mass * (mean["y"] + mean["z"]), mass * (mean["x"] + mean["z"]), mass * (mean["x"] + mean["y"]))
+    return Shape("ellipsoid" if form == "ellipsoid" else "torpedo", size, mass, volume, inertia, np.array([x, b, h]))
+
+
+def _box(size: tuple[float, float, float], mass: float) -> Shape:
+    length, beam, height = size
+    xx, yy, zz = (mass / 12 * total for total in (beam**2 + height**2, length**2 + height**2, length**2 + beam**2))
+    return Shape("box", size, mass, length * beam * height, (xx, yy, zz), np.empty((3, 0)))
+
+
+def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, place: str) -> Shape:
+    """Return the shape of a closed mesh; its sections are taken as ellipses of their beam and height."""
+    place = f"{place}, {path}"
+    if given or form == "torpedo":
+        raise InputError(
+            place,
+            found=", ".join(given) or "the form torpedo",
+            expected="a mesh alone, with the form ellipsoid for a closed hull or box for an open frame",
+            remedy="leave the lengths out, and give the form",
+        )
+    try:
+        import trimesh
+    except ModuleNotFoundError:
+        raise InputError(
+            place,
+            found="an STL file, which needs the package trimesh",
+            expected="the extra `mesh`",
+            remedy='pip install "seatrial[mesh]", or give length, beam and height',
+        ) from None
+    try:
+        with path.open("rb") as file:
+            mesh = trimesh.load_mesh(file, file_type="stl")
+    except (OSError, ValueError, IndexError, KeyError, TypeError) as error:
+        raise InputError(
+            place, found=f"{error}", expected="an STL file", remedy="correct the path or the file"
+        ) from error
+    if not len(mesh.faces) or not mesh.is_volume:
+        raise InputError(
+            place,
+            found="a surface with holes, or with faces that point inwards",
+            expected="a closed surface",
+            remedy="repair the mesh, or give length, beam and height",
+        )
+    low, high = mesh.bounds
+    length, beam, height = (float(one) for one in high - low)
+    if form == "box":
+        return _box((length, beam, height), mass)
+    centre, share = mesh.center_mass, mass / mesh.volume
+    inertia = tuple(float(one) * share / mesh.density for one in np.diag(mesh.moment_inertia))
+    x = np.linspace(low[0], high[0], CUTS)
+    half = np.zeros((2, CUTS))
+    for cut, station in enumerate(x[1:-1], 1):
+        ends = trimesh.intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [station, 0.0, 0.0]).reshape(-1, 3)
+        half[:, cut] = np.ptp(ends[:, 1:], axis=0) / 2 if len(ends) else 0.0
+    sections = np.array([x - centre[0], *half])
+    return Shape("ellipsoid", (length, beam, height), mass, float(mesh.volume), inertia, sections)
