@@ -1,16 +1,20 @@
 """Do published coefficients lie where the shape of the vehicle places them? `python docs/shapes.py`.
 
-Compares tables of ten vehicles with the priors of `seatrial.priors_from_shape`. The factors of error were chosen with these vehicles, so
-that each vehicle is also judged by factors that the other vehicles give. Writes docs/dev/shapes.json and the tables in docs/dev/shapes.md.
+Compares tables of ten vehicles with the priors of `seatrial.priors_from_shape`. The factors of error follow from these tables, so that
+each vehicle is also judged by the factors that the others give. Writes docs/dev/shapes.json and the tables in docs/dev/shapes.md.
 """
 
+from collections.abc import Sequence
 from math import exp, log, sqrt
 from typing import Any, NamedTuple
 
 import study_numbers
 
 from seatrial.vehicles.catalogue import load_vehicle
-from seatrial.vehicles.shape import QUALITIES, Shape, shape_terms, vehicle_shape
+from seatrial.vehicles.shape import QUALITIES, shape_terms, vehicle_shape
+
+NORMAL_95 = 1.96  # Standard deviations about the median with 95 % of a normal
+MARGIN = 1.15  # Of the logarithm of a factor, because vehicles are few
 
 
 class Table(NamedTuple):
@@ -24,6 +28,7 @@ class Table(NamedTuple):
         density: of the water, kg/m^3.
         inertia: I_xx, I_yy, I_zz, kg m^2; 0 if not published.
         values: coefficients, SI.
+        set_aside: those that do not set a factor of error, but are counted.
     """
 
     vehicle: str
@@ -33,6 +38,7 @@ class Table(NamedTuple):
     density: float
     inertia: tuple[float, float, float]
     values: dict[str, float]
+    set_aside: tuple[str, ...] = ()
 
 
 def _rows(added: str = "", linear: str = "", quadratic: str = "") -> dict[str, float]:
@@ -56,7 +62,9 @@ def _catalogue(name: str) -> dict[str, float]:
 
 
 _REMUS = {"form": "torpedo", "length": 1.33, "diameter": 0.191, "nose": 0.191, "tail": 0.541, "mass": 30.48}
-_REMUS_LENGTHS = "Prestero (2001), table 2.1"
+_REMUS_LENGTHS = (
+    "length and diameter in a public program after Hall and Anstee; nose and tail by Prestero (2001), as remembered"
+)
 _NPS_CROSS = 0.5 * 1025 * 0.53 * 5.3
 BLUEROV2 = {"form": "box", "length": 0.457, "beam": 0.338, "height": 0.254}
 TABLES = (
@@ -68,6 +76,7 @@ TABLES = (
         1030.0,
         (0.177, 3.45, 3.45),
         _catalogue("remus100_prestero"),
+        ("Y_vabsv", "Z_wabsw", "M_qabsq", "N_rabsr"),
     ),
     Table(
         "REMUS 100",
@@ -89,7 +98,7 @@ TABLES = (
     ),
     Table(
         "LAUV",
-        "da Silva and others (2007), by three public programs that agree",
+        "da Silva and others (2007), by public programs that agree",
         {"form": "torpedo", "length": 1.08, "diameter": 0.15, "mass": 18.0},
         "the same",
         1000.0,
@@ -108,9 +117,9 @@ TABLES = (
     Table(
         "NPS AUV II",
         "Healey and Lienard (1993), by `npsauv.m` of MSS",
-        {"form": "ellipsoid", "length": 5.3, "beam": 1.93, "height": 0.8, "mass": 5443.0},
-        "length and mass in MSS; beam and height were not found in a readable source. The 0.53 m by 0.53 m of MSS would hold 1.5 m³, and "
-        "is refused: 6989 kg/m³. 1.93 m by 0.80 m agrees with the published I_xx",
+        {"form": "torpedo", "length": 5.3, "beam": 1.93, "height": 0.8, "nose": 0.8, "tail": 1.4, "mass": 5443.0},
+        "length and mass in MSS. Beam, height, nose and tail were not found in a readable source: they are chosen so that the hull holds "
+        "the published 5.3 m³. The 0.53 m by 0.53 m of MSS hold 1.5 m³ at most, which is refused",
         1025.0,
         (2038.0, 13587.0, 13587.0),
         _primes(
@@ -129,7 +138,7 @@ TABLES = (
     ),
     Table(
         "BlueROV2",
-        "Wu (Flinders University, 2018), by three public programs that agree",
+        "Wu (Flinders University, 2018), by public programs that agree",
         BLUEROV2 | {"mass": 11.5},
         "datasheet of the maker, quoted by a public model",
         1000.0,
@@ -138,7 +147,7 @@ TABLES = (
     ),
     Table(
         "BlueROV2",
-        "`fossen/parameters.py`, in ten public programs of controllers",
+        "`fossen/parameters.py`, in public programs of controllers (ten found)",
         BLUEROV2 | {"mass": 11.4},
         "the same",
         1026.0,
@@ -180,19 +189,20 @@ TABLES = (
     ),
     Table(
         "SAGA",
-        "`uuvsimulator/desistek_saga`: linear drag alone",
+        "`uuvsimulator/desistek_saga`: no quadratic drag",
         {"form": "box", "length": 0.448, "beam": 0.2384, "height": 0.28066, "mass": 10.0},
         "the same",
         1028.0,
         (0.0, 0.0, 0.0),
         _rows("1.7182 - 5.468 - 1.2481 0.4006", "11.7391 20 31.8678 25 44.9085 5"),
+        ("X_u", "Y_v", "Z_w", "K_p", "M_q", "N_r"),
     ),
 )
 """Facts of the sources; their texts, programs and files are not copied."""
 
 
 class Row(NamedTuple):
-    """A published number beside that of the shape; `ratio` is the first over the second."""
+    """A published number and that of the shape."""
 
     table: int
     name: str
@@ -201,39 +211,144 @@ class Row(NamedTuple):
     kind: str
 
     @property
-    def ratio(self) -> float:
+    def vehicle(self) -> str:
+        """Name of the vehicle."""
+        return TABLES[self.table].vehicle
+
+    @property
+    def family(self) -> str:
+        """Name of the vehicle in any configuration."""
+        return self.vehicle.removesuffix(" Heavy")
+
+    @property
+    def log_ratio(self) -> float:
+        """Logarithm of the published number divided by that of the shape."""
         return log(self.published / self.expected)
 
+    def is_inside(self, factor: float) -> bool:
+        """Return whether the published number is inside 95 % of a log-normal prior of a factor."""
+        return abs(self.log_ratio) <= NORMAL_95 * log(factor)
 
-def rows() -> list[Row]:
+
+def all_rows() -> list[Row]:
     """Return every published number for which the shape gives one."""
     found = []
     for index, table in enumerate(TABLES):
         shape = vehicle_shape(**table.shape)
-        names = ("I_xx", "I_yy", "I_zz")
-        inertia = zip(names, table.inertia, shape.inertia, strict=True)
-        found += [Row(index, name, one, of, f"{shape.body} inertia") for name, one, of in inertia if one]
+        moments = zip(("I_xx", "I_yy", "I_zz"), table.inertia, shape.inertia, strict=True)
+        found += [Row(index, name, one, of, f"{shape.body} inertia") for name, one, of in moments if one]
         terms = {one.name: one for one in shape_terms(shape, table.density)}
-        found += [
-            Row(index, name, value, terms[name].value, terms[name].kind)
-            for name, value in table.values.items()
-            if name in terms
-        ]
+        shared = [name for name in table.values if name in terms]
+        found += [Row(index, name, table.values[name], terms[name].value, terms[name].kind) for name in shared]
     return found
 
 
-if __name__ == "__main__":
-    import sys
+def factor_of(rows: Sequence[Row]) -> float:
+    """Return the factor of error that some numbers give: the root mean square of their log ratios, widened, as a factor."""
+    setting = [row.log_ratio**2 for row in rows if row.name not in TABLES[row.table].set_aside]
+    return exp(MARGIN * sqrt(sum(setting) / len(setting)))
 
-    found = rows()
-    for kind in QUALITIES:
-        of = [one for one in found if one.kind == kind]
-        r = [one.ratio for one in of]
-        print(
-            kind,
-            QUALITIES[kind].factor,
-            "n",
-            len(r),
-            "rms factor %.2f mean %.2f" % (exp(sqrt(sum(x * x for x in r) / len(r))), exp(sum(r) / len(r))),
-            " ".join(f"{TABLES[o.table].vehicle}:{o.name}:{exp(o.ratio):.2f}" for o in of),
+
+def without_vehicle(row: Row, rows: Sequence[Row]) -> float:
+    """Return the factor that the other vehicles give for a number; the two configurations of one vehicle are one."""
+    return factor_of([one for one in rows if one.kind == row.kind and one.family != row.family])
+
+
+def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return rows, and how many of them lie inside 95 %, by the stated factors and by those of the other vehicles."""
+    inside = [row.is_inside(QUALITIES[row.kind].factor) for row in rows]
+    held = [row.is_inside(without_vehicle(row, rows)) for row in rows]
+    share = {"of": len(rows), "inside": sum(inside), "inside by the other vehicles": sum(held)}
+    vehicles = {row.vehicle for row in rows}
+    return {
+        "vehicles": len(vehicles),
+        **share,
+        "percent": round(100 * sum(inside) / len(rows), 1),
+        "percent by the other vehicles": round(100 * sum(held) / len(rows), 1),
+        "factors": {kind: one.factor for kind, one in QUALITIES.items()},
+        "rows": [
+            [*row[:2], *(float(f"{one:.4g}") for one in row[2:4]), row.kind, int(stated), int(others)]
+            for row, stated, others in zip(rows, inside, held, strict=True)
+        ],
+    }
+
+
+def tables(found: dict[str, Any]) -> str:
+    """Return the tables of the page."""
+    rows = [(Row(*one[:5]), *map(bool, one[5:])) for one in found["rows"]]
+    lines = [
+        f"{found['inside']} of {found['of']} published numbers of {found['vehicles']} vehicles lie inside the 95 % prior: "
+        f"{found['percent']} %. By factors from the other vehicles only it is {found['inside by the other vehicles']}: "
+        f"{found['percent by the other vehicles']} %.",
+        "",
+        "### By kind",
+        "",
+        "| number | factor | by the rule | published divided by expected, mean | inside 95 % | by the other vehicles |",
+        "|---|---|---|---|---|---|",
+    ]
+    for kind, factor in found["factors"].items():
+        of = [one for one in rows if one[0].kind == kind]
+        mean = exp(sum(row.log_ratio for row, *_ in of) / len(of))
+        counts = [f"{sum(one[place] for one in of)} of {len(of)}" for place in (1, 2)]
+        lines.append(
+            f"| {kind} | {factor:g} | {factor_of([row for row, *_ in of]):.2f} | {mean:.2f} | {counts[0]} | {counts[1]} |"
         )
+    lines += [
+        "",
+        "### By table",
+        "",
+        "| vehicle | coefficients | lengths | inside 95 % | by the other vehicles | no prior |",
+        "|---|---|---|---|---|---|",
+    ]
+    for index, table in enumerate(TABLES):
+        of = [one for one in rows if one[0].table == index]
+        counts = [f"{sum(one[place] for one in of)} of {len(of)}" for place in (1, 2)]
+        damping = [name for name in table.values if _is_of_motion(name) and name not in {row.name for row, *_ in of}]
+        absent = ", ".join(f"`{name}`" for name in damping) or "–"
+        lines.append(f"| {table.vehicle} | {table.source} | {table.lengths} | {counts[0]} | {counts[1]} | {absent} |")
+    lines += ["", "### Tables that disagree", "", *_disagreements([row for row, *_ in rows])]
+    lines += [
+        "",
+        "### Every number",
+        "",
+        "| vehicle | number | published | from the shape | 95 % of the prior | inside |",
+        "|---|---|---|---|---|---|",
+    ]
+    for row, inside, _ in rows:
+        spread = found["factors"][row.kind] ** NORMAL_95
+        ends = sorted((row.expected / spread, row.expected * spread))
+        lines.append(
+            f"| {row.vehicle} | `{row.name}` | {row.published:.3g} | {row.expected:.3g} | {ends[0]:.3g} to {ends[1]:.3g} | "
+            f"{'yes' if inside else '**no**'} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _is_of_motion(name: str) -> bool:
+    """Return whether a coefficient is an added mass or a drag of its axis, of which the shape may give a prior."""
+    axis, _, rest = name.partition("_")
+    rate = dict(zip("XYZKMN", "uvwpqr", strict=True)).get(axis)
+    return rest in (f"{rate}dot", rate, f"{rate}abs{rate}")
+
+
+def _disagreements(rows: Sequence[Row]) -> list[str]:
+    """Return the coefficients that two tables of a vehicle have, in any configuration."""
+    lines = [
+        "| vehicle | coefficient | first table | second table | ratio | 95 % of the prior, largest divided by smallest |"
+    ]
+    lines += ["|---|---|---|---|---|---|"]
+    for one in rows:
+        for other in rows:
+            if one.family == other.family and one.name == other.name and one.table < other.table:
+                larger = exp(abs(log(one.published / other.published)))
+                spread = QUALITIES[one.kind].factor ** (2 * NORMAL_95)
+                values = f"{one.published:.3g} | {other.published:.3g}"
+                lines.append(
+                    f"| {one.vehicle}, {other.vehicle} | `{one.name}` | {values} | {larger:.1f} | {spread:.0f} |"
+                )
+    return lines
+
+
+if __name__ == "__main__":
+    study_numbers.keep("shapes", numbers_of(all_rows()))
+    study_numbers.show("shapes", tables(study_numbers.kept("shapes")))

@@ -30,7 +30,7 @@ FORMS: tuple[Form, ...] = ("torpedo", "ellipsoid", "box")
 SEAWATER = 1025.0  # kg/m^3
 # Mass over the enclosed volume that a vehicle may have, kg/m^3; water fills most of the box about an open frame.
 DENSITIES = {"torpedo": (200.0, 3000.0), "ellipsoid": (200.0, 3000.0), "box": (100.0, 3000.0)}
-STATIONS = 401  # Along a hull
+STATIONS = 201  # Along each part of a hull
 CUTS = 101  # Sections of a mesh
 
 # Added mass of a square prism along its axis over rho a^3, by its length over its side a: DNV-RP-N103 (2017), table A-2, which
@@ -59,19 +59,19 @@ class Quality(NamedTuple):
 
 
 QUALITIES = {
-    "hull inertia": Quality(1.4, "uniform density"),
-    "box inertia": Quality(1.6, "uniform density"),
-    "hull added mass": Quality(1.7, "strips, Lamb's ellipsoid"),
+    "hull inertia": Quality(1.65, "uniform density"),
+    "box inertia": Quality(1.65, "uniform density"),
+    "hull added mass": Quality(1.6, "strips, Lamb's ellipsoid"),
     "hull added inertia": Quality(2.5, "strips, Lamb's ellipsoid"),
-    "box added mass": Quality(1.7, "DNV-RP-N103, table A-2, share of solid parts"),
-    "box added inertia": Quality(3.0, "added mass of strips"),
-    "hull surge drag": Quality(1.5, "Hoerner, bare hull, doubled"),
-    "hull cross-flow drag": Quality(2.5, "cross-flow, C_D 1.1"),
-    "hull turning drag": Quality(3.0, "cross-flow on strips, C_D 1.1"),
-    "box drag": Quality(2.2, "Hoerner, block, C_D 1.05"),
-    "box turning drag": Quality(4.0, "block on strips, C_D 1.05"),
-    "linear drag": Quality(6.0, f"equal to quadratic drag at {LINEAR_SPEED:g} m/s"),
-    "linear turning drag": Quality(7.0, f"equal to quadratic drag at {LINEAR_RATE:g} rad/s"),
+    "box added mass": Quality(1.8, "DNV-RP-N103, table A-2, share of solid parts"),
+    "box added inertia": Quality(3.5, "added mass of strips"),
+    "hull surge drag": Quality(1.6, "Hoerner, bare hull, doubled"),
+    "hull cross-flow drag": Quality(2.9, "cross-flow, C_D 1.1"),
+    "hull turning drag": Quality(4.0, "cross-flow on strips, C_D 1.1"),
+    "box drag": Quality(2.4, "Hoerner, block, C_D 1.05"),
+    "box turning drag": Quality(4.8, "block on strips, C_D 1.05"),
+    "linear drag": Quality(8.0, f"equal to quadratic drag at {LINEAR_SPEED:g} m/s"),
+    "linear turning drag": Quality(6.0, f"equal to quadratic drag at {LINEAR_RATE:g} rad/s"),
 }
 """By kind of number; `python docs/shapes.py` compares the factors with published vehicles."""
 
@@ -131,7 +131,7 @@ def vehicle_shape(
     """Build the shape of a vehicle.
 
     Args:
-        form: `torpedo` (elliptical nose, cylinder, conical tail), `ellipsoid`, or `box` (open-frame ROV).
+        form: `torpedo` (elliptical nose, cylinder, parabolic tail), `ellipsoid`, or `box` (open-frame ROV).
         mass: with what water it encloses, kg; the dry mass of a frame.
         length: m.
         diameter: m; instead of `beam` and `height`.
@@ -314,9 +314,12 @@ def _profile(
             remedy="give `nose` and `tail` in m, or the form ellipsoid",
         )
     # Behind the tip of the nose; stations are closest there, where it is steep.
-    tip, cone = nose * (1 - np.cos(np.linspace(0.0, pi / 2, STATIONS))), np.linspace(length - tail, length, STATIONS)
-    behind = np.unique(np.concatenate([tip, cone]))
-    wide = np.sqrt(1 - np.clip(1 - behind / nose, 0.0, 1.0) ** 2) * np.clip((length - behind) / tail, 0.0, 1.0)
+    tip = nose * (1 - np.cos(np.linspace(0.0, pi / 2, STATIONS)))
+    ends = ((nose, length - tail), (length - tail, length))
+    behind = np.unique(np.concatenate([tip, *(np.linspace(*pair, STATIONS) for pair in ends)]))
+    wide = np.sqrt(1 - np.clip(1 - behind / nose, 0.0, 1.0) ** 2) * (
+        1 - np.clip(1 - (length - behind) / tail, 0.0, 1.0) ** 2
+    )
     return np.array([(length / 2 - behind)[::-1], (beam / 2 * wide)[::-1], (height / 2 * wide)[::-1]])
 
 

@@ -1,11 +1,9 @@
 """The campaign file of a vehicle of which only the shape is known: priors of its coefficients, and a simulated vehicle at their medians."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 from seatrial.campaign.config.vehicle_campaign import file_head, sensor_lines
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.units import quantity
 from seatrial.estimation.priors.from_shape import ShapePriors, priors_from_shape
@@ -77,8 +75,8 @@ def shape_campaign_text(text: str) -> str:
             f"from a shape: {text}",
             "seatrial prior DIR; seatrial run DIR rehearses a trial with a simulated vehicle. Then write your log under [import]",
         ),
-        f"# Moments of inertia of uniform density, within a factor of {quality.factor:g}. Forces are commands in newtons: replace them by your\n"
-        "# thrusters ([[vehicle.thrusters]]), or name terms of propeller and fins, such as T_nabsn and N_uudelta_r, and add their priors.\n"
+        f"# Moments of inertia of uniform density, within a factor of {quality.factor:g}. Forces are commands in newtons: replace them by\n"
+        "# your thrusters ([[vehicle.thrusters]]), or name terms such as T_nabsn and N_uudelta_r, with their priors.\n"
         "[vehicle]\n"
         f"name = {json.dumps(shape.form)}\n"
         f'mass = "{shape.mass:g} kg"\n'
@@ -88,7 +86,7 @@ def shape_campaign_text(text: str) -> str:
         f"fixed = {{ {', '.join(f'{axis}_tau_{axis} = 1.0' for axis in axes)} }}\n"
         f'trim = {{ u = "0 m/s", {trim} }}',
         f"[structure]\nalways = {json.dumps(terms)}",
-        "# Medians from the shape. 68 % lie within the factor, 95 % within its square, as published values of ten vehicles do.",
+        "# Medians from the shape. 68 % lie within the factor, 95 % within its square. docs/dev/shapes.md compares them with vehicles.",
         *(
             f'[prior.{name}]  # {found.sources[name]}\ndistribution = "log-normal"\n'
             f"median = {priors[name].median:.3g}\nfactor = {priors[name].factor:g}"

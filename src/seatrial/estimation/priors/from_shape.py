@@ -58,7 +58,7 @@ def priors_from_shape(
     Fins, thrusters and lift are not modelled: a round hull has no term of roll, and no hull has terms such as `Y_uv`.
 
     Args:
-        form: `torpedo` (elliptical nose, cylinder, conical tail), `ellipsoid`, or `box` (open-frame ROV).
+        form: `torpedo` (elliptical nose, cylinder, parabolic tail), `ellipsoid`, or `box` (open-frame ROV).
         mass: of a hull with the water that it encloses, of a frame in air, kg.
         length: m.
         diameter: m; instead of `beam` and `height`.
