@@ -225,16 +225,32 @@ class Row(NamedTuple):
         """Logarithm of the published number divided by that of the shape."""
         return log(self.published / self.expected)
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether the prior is half-normal, from 0."""
+        return QUALITIES[self.kind].factor is None
+
     def is_inside(self, factor: float) -> bool:
-        """Return whether the published number is inside 95 % of a log-normal prior of a factor."""
+        """Return whether the published number is inside 95 % of the prior of a factor, which for a half-normal multiplies its scale."""
+        if self.is_linear:
+            return exp(self.log_ratio) <= NORMAL_95 * factor
         return abs(self.log_ratio) <= NORMAL_95 * log(factor)
+
+    def ends(self, factor: float) -> tuple[float, float]:
+        """Return the ends of 95 % of the prior."""
+        if self.is_linear:
+            return self.expected * NORMAL_95 * factor, 0.0
+        spread = factor**NORMAL_95
+        low, high = sorted((self.expected / spread, self.expected * spread))
+        return low, high
 
 
 def all_rows() -> list[Row]:
     """Return every published number for which the shape gives one."""
     found = []
     for index, table in enumerate(TABLES):
-        shape = vehicle_shape(**table.shape)
+        lengths = {name: one for name, one in table.shape.items() if name not in ("form", "mass")}
+        shape = vehicle_shape(table.shape["form"], table.shape["mass"], lengths)
         moments = zip(("I_xx", "I_yy", "I_zz"), table.inertia, shape.inertia, strict=True)
         found += [Row(index, name, one, of, f"{shape.body} inertia") for name, one, of in moments if one]
         terms = {one.name: one for one in shape_terms(shape, table.density)}
@@ -244,9 +260,11 @@ def all_rows() -> list[Row]:
 
 
 def factor_of(rows: Sequence[Row]) -> float:
-    """Return the factor of error that some numbers give: the root mean square of their log ratios, widened, as a factor."""
-    setting = [row.log_ratio**2 for row in rows if row.name not in TABLES[row.table].set_aside]
-    return exp(MARGIN * sqrt(sum(setting) / len(setting)))
+    """Return the factor that numbers of a kind give, widened: the root mean square of their log ratios, or of their ratios if linear."""
+    setting = [row for row in rows if row.name not in TABLES[row.table].set_aside]
+    if rows[0].is_linear:
+        return MARGIN * sqrt(sum(exp(2 * row.log_ratio) for row in setting) / len(setting))
+    return exp(MARGIN * sqrt(sum(row.log_ratio**2 for row in setting) / len(setting)))
 
 
 def without_vehicle(row: Row, rows: Sequence[Row]) -> float:
@@ -256,7 +274,7 @@ def without_vehicle(row: Row, rows: Sequence[Row]) -> float:
 
 def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
     """Return rows, and how many of them lie inside 95 %, by the stated factors and by those of the other vehicles."""
-    inside = [row.is_inside(QUALITIES[row.kind].factor) for row in rows]
+    inside = [row.is_inside(QUALITIES[row.kind].factor or 1.0) for row in rows]
     held = [row.is_inside(without_vehicle(row, rows)) for row in rows]
     share = {"of": len(rows), "inside": sum(inside), "inside by the other vehicles": sum(held)}
     vehicles = {row.vehicle for row in rows}
@@ -265,7 +283,7 @@ def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
         **share,
         "percent": round(100 * sum(inside) / len(rows), 1),
         "percent by the other vehicles": round(100 * sum(held) / len(rows), 1),
-        "factors": {kind: one.factor for kind, one in QUALITIES.items()},
+        "factors": {kind: one.factor or 1.0 for kind, one in QUALITIES.items()},
         "rows": [
             [*row[:2], *(float(f"{one:.4g}") for one in row[2:4]), row.kind, int(stated), int(others)]
             for row, stated, others in zip(rows, inside, held, strict=True)
@@ -315,8 +333,7 @@ def tables(found: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|",
     ]
     for row, inside, _ in rows:
-        spread = found["factors"][row.kind] ** NORMAL_95
-        ends = sorted((row.expected / spread, row.expected * spread))
+        ends = row.ends(found["factors"][row.kind])
         lines.append(
             f"| {row.vehicle} | `{row.name}` | {row.published:.3g} | {row.expected:.3g} | {ends[0]:.3g} to {ends[1]:.3g} | "
             f"{'yes' if inside else '**no**'} |"
@@ -333,19 +350,14 @@ def _is_of_motion(name: str) -> bool:
 
 def _disagreements(rows: Sequence[Row]) -> list[str]:
     """Return the coefficients that two tables of a vehicle have, in any configuration."""
-    lines = [
-        "| vehicle | coefficient | first table | second table | ratio | 95 % of the prior, largest divided by smallest |"
-    ]
-    lines += ["|---|---|---|---|---|---|"]
+    lines = ["| vehicle | coefficient | first table | second table | ratio |"]
+    lines += ["|---|---|---|---|---|"]
     for one in rows:
         for other in rows:
             if one.family == other.family and one.name == other.name and one.table < other.table:
                 larger = exp(abs(log(one.published / other.published)))
-                spread = QUALITIES[one.kind].factor ** (2 * NORMAL_95)
                 values = f"{one.published:.3g} | {other.published:.3g}"
-                lines.append(
-                    f"| {one.vehicle}, {other.vehicle} | `{one.name}` | {values} | {larger:.1f} | {spread:.0f} |"
-                )
+                lines.append(f"| {one.vehicle}, {other.vehicle} | `{one.name}` | {values} | {larger:.1f} |")
     return lines
 
 

@@ -21,6 +21,7 @@ import gpu
 import held_back
 import laboratory
 import paper_verdicts
+import shapes
 import shortlists
 import study_numbers
 import term_probabilities
@@ -30,6 +31,7 @@ PAGES = {
     "towing_tank": ("towing_tank", "", towing_tank.tables),
     "term_probabilities": ("term_probabilities", "", term_probabilities.tables),
     "shortlists": ("shortlists", "", shortlists.tables),
+    "shapes": ("shapes", "", shapes.tables),
     "false_terms": ("false_terms", "", false_terms.tables),
     "evidence": ("evidence", "", evidence.tables),
     "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),
@@ -146,6 +148,16 @@ def test_what_is_said_of_calibration_is_in_its_numbers():
         assert f"{min(most):.1f} to {max(most):.1f} %" in text
         assert f"{len(cases)} cases" in text
         assert page == "README.md" or "{:.0f} and {:.0f} %".format(*shares) in text
+
+
+def test_priors_from_the_shape_hold_nine_published_numbers_of_ten():
+    """The numbers are those of the code, and the stated factors those of the rule."""
+    kept, rows = study_numbers.kept("shapes"), shapes.all_rows()
+    assert json.loads(json.dumps(shapes.numbers_of(rows))) == {key: one for key, one in kept.items() if key != "commit"}
+    assert kept["vehicles"] >= 8
+    assert min(kept["inside"], kept["inside by the other vehicles"]) >= 0.9 * kept["of"]
+    for kind, factor in kept["factors"].items():
+        assert factor == pytest.approx(shapes.factor_of([row for row in rows if row.kind == kind]), rel=0.03)
 
 
 def test_mmg_with_rudder_by_hand():

@@ -8,7 +8,11 @@ from scipy.integrate import quad
 
 import seatrial as st
 from seatrial.core.errors import InputError
-from seatrial.vehicles.shape import QUALITIES, ellipsoid_added_mass, shape_terms, vehicle_shape
+from seatrial.vehicles.shape import QUALITIES, ellipsoid_added_mass, shape_terms
+
+
+def shape_of(form, **given):
+    return st.priors_from_shape(form, **given).shape
 
 
 def terms_of(shape, density=1000.0):
@@ -16,7 +20,7 @@ def terms_of(shape, density=1000.0):
 
 
 def test_sphere():
-    found, mass = vehicle_shape("ellipsoid", length=0.6, diameter=0.6, mass=113.0), 1000 * pi / 6 * 0.6**3
+    found, mass = shape_of("ellipsoid", length=0.6, diameter=0.6, mass=113.0), 1000 * pi / 6 * 0.6**3
     terms = terms_of(found)
     assert found.inertia == pytest.approx([113.0 * 0.4 * 0.3**2] * 3, rel=1e-4)
     for name in ("X_udot", "Y_vdot", "Z_wdot"):
@@ -33,7 +37,7 @@ def test_spheroid(slenderness):
     along = 2 * (1 - squared) / e**3 * (atanh(e) - e)
     across = 1 / squared - (1 - squared) / e**3 * atanh(e)
     turned = e**4 * (across - along) / ((2 - squared) * (2 * squared - (2 - squared) * (across - along)))
-    found = vehicle_shape("ellipsoid", length=length, diameter=diameter, mass=1000 * pi / 6 * length * diameter**2)
+    found = shape_of("ellipsoid", length=length, diameter=diameter, mass=1000 * pi / 6 * length * diameter**2)
     terms = terms_of(found)
     assert terms["X_udot"] == pytest.approx(found.mass * along / (2 - along), rel=1e-3)
     assert terms["Y_vdot"] == terms["Z_wdot"] == pytest.approx(found.mass * across / (2 - across), rel=1e-3)
@@ -62,7 +66,7 @@ def test_ellipsoid_by_quadrature():
 
 def test_long_cylinder_is_the_sum_of_its_strips():
     length, radius = 40.0, 0.1
-    found = vehicle_shape(
+    found = shape_of(
         "torpedo", length=length, diameter=2 * radius, nose=1e-3, tail=1e-3, mass=1000 * pi * radius**2 * length
     )
     terms = terms_of(found)
@@ -79,7 +83,7 @@ def test_long_cylinder_is_the_sum_of_its_strips():
 
 def test_nose_and_tail():
     """Half an ellipsoid before a cylinder and a parabola behind it; the origin is at their centre of volume."""
-    found = vehicle_shape("torpedo", length=2.0, diameter=0.3, nose=0.4, tail=0.6, mass=100.0)
+    found = shape_of("torpedo", length=2.0, diameter=0.3, nose=0.4, tail=0.6, mass=100.0)
     area = pi * 0.15**2
     parts = {1.0 - 0.4 * 5 / 8: area * 0.4 * 2 / 3, 0.1: area, -0.4 - 0.6 * 5 / 16: area * 0.6 * 8 / 15}
     assert found.volume == pytest.approx(sum(parts.values()), rel=1e-4)
@@ -89,16 +93,16 @@ def test_nose_and_tail():
 
 
 def test_box():
-    solid = vehicle_shape("box", length=0.5, beam=0.5, height=0.5, mass=125.0)
+    solid = shape_of("box", length=0.5, beam=0.5, height=0.5, mass=125.0)
     assert solid.inertia == pytest.approx([125.0 * 0.5**2 / 6] * 3)
     terms = terms_of(solid)
     assert terms["X_udot"] == pytest.approx(0.68 * 125.0)
     assert terms["N_rabsr"] == pytest.approx(500 * 1.05 * 0.5**5 / 16)
-    frame = terms_of(vehicle_shape("box", length=0.5, beam=0.5, height=0.5, mass=25.0))
+    frame = terms_of(shape_of("box", length=0.5, beam=0.5, height=0.5, mass=25.0))
     assert frame["X_udot"] == pytest.approx(terms["X_udot"] / 5)
     assert frame["X_uabsu"] == terms["X_uabsu"]
     # A thin plate has nearly the added mass 8/3 a^3 of a disk of its area.
-    plate = vehicle_shape("box", length=1.0, beam=1.0, height=1e-3, mass=1.0)
+    plate = shape_of("box", length=1.0, beam=1.0, height=1e-3, mass=1.0)
     assert terms_of(plate)["Z_wdot"] == pytest.approx(1000 * 8 / 3 * pi**-1.5, rel=0.06)
 
 
@@ -109,7 +113,8 @@ def test_all_signs_dissipate_and_priors_have_the_factors():
         for axis, rate in zip("XYZKMN", "uvwpqr", strict=True)
         for one in (f"{rate}dot", rate, f"{rate}abs{rate}")
     }
-    assert all(one.median < 0 for one in found.priors.values())
+    assert all(one.bounds[1] == 0 for one in found.priors.values())
+    assert found.priors["X_u"].scale == pytest.approx(0.4 * -found.priors["X_uabsu"].median)
     assert found.priors["Y_vabsv"].factor == QUALITIES["box drag"].factor
     assert found.sources["Y_vabsv"] in repr(found)
     assert "kg m^2/rad" in repr(found)
@@ -131,25 +136,25 @@ def test_all_signs_dissipate_and_priors_have_the_factors():
 )
 def test_what_is_no_vehicle_is_refused(form, given, words):
     with pytest.raises(InputError, match=words):
-        vehicle_shape(form, **given)
+        shape_of(form, **given)
 
 
 def test_a_mesh_has_the_closed_form_of_its_shape(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     size, mass = np.array([2.0, 0.6, 0.4]), 200.0
     trimesh.creation.box(size).export(tmp_path / "box.stl")
-    found = vehicle_shape("ellipsoid", mesh=tmp_path / "box.stl", mass=mass)
+    found = shape_of("ellipsoid", mesh=tmp_path / "box.stl", mass=mass)
     assert found.volume == pytest.approx(size.prod())
     assert found.inertia == pytest.approx(mass / 12 * ((size**2).sum() - size**2))
     assert found.sections[1:, 50] == pytest.approx(size[1:] / 2)
-    framed = vehicle_shape("box", mesh=tmp_path / "box.stl", mass=mass)
+    framed = shape_of("box", mesh=tmp_path / "box.stl", mass=mass)
     assert framed.size == pytest.approx(tuple(size))
     ball = trimesh.creation.icosphere(subdivisions=5)
     ball.apply_scale(size / 2)
     ball.apply_translation([0.3, 0.0, 0.1])
     ball.export(tmp_path / "ellipsoid.STL")
-    expected = vehicle_shape("ellipsoid", length=2.0, beam=0.6, height=0.4, mass=mass)
-    found = vehicle_shape("ellipsoid", mesh=tmp_path / "ellipsoid.STL", mass=mass)
+    expected = shape_of("ellipsoid", length=2.0, beam=0.6, height=0.4, mass=mass)
+    found = shape_of("ellipsoid", mesh=tmp_path / "ellipsoid.STL", mass=mass)
     assert found.inertia == pytest.approx(expected.inertia, rel=5e-3)
     assert terms_of(found) == pytest.approx(terms_of(expected), rel=0.02)
     (tmp_path / "text.stl").write_text("solid nothing")
@@ -158,7 +163,7 @@ def test_a_mesh_has_the_closed_form_of_its_shape(tmp_path):
     open_box.export(tmp_path / "open.stl")
     for name in ("text.stl", "open.stl", "missing.stl"):
         with pytest.raises(InputError, match=name):
-            vehicle_shape("ellipsoid", mesh=tmp_path / name, mass=mass)
+            shape_of("ellipsoid", mesh=tmp_path / name, mass=mass)
 
 
 def test_a_mesh_without_trimesh_names_the_extra(tmp_path, monkeypatch):
@@ -166,6 +171,6 @@ def test_a_mesh_without_trimesh_names_the_extra(tmp_path, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(InputError, match=r"seatrial\[mesh\]"):
-        vehicle_shape("ellipsoid", mesh=tmp_path / "hull.stl", mass=1.0)
+        shape_of("ellipsoid", mesh=tmp_path / "hull.stl", mass=1.0)
     with pytest.raises(InputError, match="leave the lengths out"):
-        vehicle_shape("ellipsoid", mesh=tmp_path / "hull.stl", length=1.0, mass=1.0)
+        shape_of("ellipsoid", mesh=tmp_path / "hull.stl", length=1.0, mass=1.0)

@@ -1,13 +1,10 @@
-"""Inertia, added mass and drag of a vehicle from its outer shape, each with a factor of error.
-
-Two forms are known: a closed hull of elliptical sections, and an open frame in a box.
+"""Inertia, added mass and drag of a vehicle from its outer shape: a closed hull of elliptical sections, or an open frame in a box.
 
     added mass of a hull   strips, rho pi h^2 across the height h, times Lamb's ellipsoid over the strips of that ellipsoid
     added mass of a frame  square prisms and plates, times the share of the box that solid parts fill
     drag                   rho/2 C_D times area: friction and form along a hull, cross-flow across it, a bluff block for a frame
 
-A hull across its own axis and a frame have the moments of the same forces on strips. Fins, thrusters and lift are not modelled. The
-factors are by how much published values of vehicles differ (docs/dev/shapes.md), not by how well the formulas hold for their shapes.
+Fins, thrusters and lift are not modelled. The factors of error are those of published values of vehicles (docs/dev/shapes.md).
 """
 
 from collections.abc import Mapping
@@ -24,12 +21,12 @@ from seatrial.core.argument_checks import check_choice, check_number, check_path
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.vehicles.hull import AXES
+from seatrial.vehicles.model import ROTATIONS
 
-Form = Literal["torpedo", "ellipsoid", "box"]
-FORMS: tuple[Form, ...] = ("torpedo", "ellipsoid", "box")
+FORMS = ("torpedo", "ellipsoid", "box")
 SEAWATER = 1025.0  # kg/m^3
 # Mass over the enclosed volume that a vehicle may have, kg/m^3; water fills most of the box about an open frame.
-DENSITIES = {"torpedo": (200.0, 3000.0), "ellipsoid": (200.0, 3000.0), "box": (100.0, 3000.0)}
+DENSITIES = {"hull": (200.0, 3000.0), "box": (100.0, 3000.0)}
 STATIONS = 201  # Along each part of a hull
 CUTS = 101  # Sections of a mesh
 
@@ -42,19 +39,19 @@ FRICTION = 0.004  # Of a turbulent boundary layer at a Reynolds number of two mi
 APPENDAGES = 2.0  # Drag with fins, openings and sensors over that of the bare hull: 0.27 and 0.1 of a towed REMUS 100 (Prestero, 2001)
 CROSS_FLOW = 1.1  # Drag coefficient of a cylinder across the flow: Hoerner, Fluid-Dynamic Drag (1965), chapter 3
 BLOCK = 1.05  # Of a cube, face on: the same
-# Linear drag over quadratic drag: speed, m/s, and rate, rad/s, at which both are equal. Means of published tables; no theory gives them.
-LINEAR_SPEED, LINEAR_RATE = 0.1, 1.0
+# Linear drag over quadratic drag, of the published tables, root mean square: m/s, and m/s at the ends of the length. No theory gives them.
+LINEAR_SPEED, LINEAR_TIP_SPEED = 0.4, 3.7
 
 
 class Quality(NamedTuple):
     """How well a kind of number follows from the shape.
 
     Attributes:
-        factor: within which of the estimate 68 % of published values lie, and 95 % within its square.
+        factor: 68 % of published values lie within it of the estimate; None if 95 % lie between 0 and twice the estimate.
         source: of the formula.
     """
 
-    factor: float
+    factor: float | None
     source: str
 
 
@@ -63,27 +60,21 @@ QUALITIES = {
     "box inertia": Quality(1.65, "uniform density"),
     "hull added mass": Quality(1.6, "strips, Lamb's ellipsoid"),
     "hull added inertia": Quality(2.5, "strips, Lamb's ellipsoid"),
-    "box added mass": Quality(1.8, "DNV-RP-N103, table A-2, share of solid parts"),
+    "box added mass": Quality(1.8, "DNV-RP-N103, share of solid parts"),
     "box added inertia": Quality(3.5, "added mass of strips"),
     "hull surge drag": Quality(1.6, "Hoerner, bare hull, doubled"),
     "hull cross-flow drag": Quality(2.9, "cross-flow, C_D 1.1"),
     "hull turning drag": Quality(4.0, "cross-flow on strips, C_D 1.1"),
     "box drag": Quality(2.4, "Hoerner, block, C_D 1.05"),
     "box turning drag": Quality(4.8, "block on strips, C_D 1.05"),
-    "linear drag": Quality(8.0, f"equal to quadratic drag at {LINEAR_SPEED:g} m/s"),
-    "linear turning drag": Quality(6.0, f"equal to quadratic drag at {LINEAR_RATE:g} rad/s"),
+    "linear drag": Quality(None, f"that of quadratic drag at {LINEAR_SPEED} m/s"),
+    "linear turning drag": Quality(None, f"that of quadratic drag at {LINEAR_TIP_SPEED} m/s of the ends"),
 }
-"""By kind of number; `python docs/shapes.py` compares the factors with published vehicles."""
+"""By kind of number; docs/dev/shapes.md compares them with published vehicles."""
 
 
 class ShapeTerm(NamedTuple):
-    """A coefficient from the shape.
-
-    Attributes:
-        name: `X_udot`, `X_u`, `X_uabsu` and the like of the other axes.
-        value: SI, below 0: damping dissipates, and water opposes the acceleration.
-        kind: of `QUALITIES`.
-    """
+    """A coefficient from the shape: its name, its value in SI, below 0, and its kind in `QUALITIES`."""
 
     name: str
     value: float
@@ -95,7 +86,7 @@ class Shape:
     """The outer shape of a vehicle; build it with `vehicle_shape`, which checks it. Body axes at the centre of volume.
 
     Attributes:
-        form: of `FORMS`; a mesh is an ellipsoid with sections of its own, or a box.
+        body: whether it is a closed hull or an open frame in a box.
         size: length, beam and height, m.
         mass: kg.
         volume: of the hull, or of the box about a frame, m^3.
@@ -103,62 +94,37 @@ class Shape:
         sections: station along x, half the beam and half the height there, m; none of a box.
     """
 
-    form: Form
+    body: Literal["hull", "box"]
     size: tuple[float, float, float]
     mass: float
     volume: float
     inertia: tuple[float, float, float]
     sections: Float[np.ndarray, "3 n"]
 
-    @property
-    def body(self) -> str:
-        """First word of the kinds of `QUALITIES`."""
-        return "box" if self.form == "box" else "hull"
 
-
-def vehicle_shape(
-    form: str,
-    *,
-    mass: float,
-    length: float | None = None,
-    diameter: float | None = None,
-    beam: float | None = None,
-    height: float | None = None,
-    nose: float | None = None,
-    tail: float | None = None,
-    mesh: Path | str | None = None,
-) -> Shape:
-    """Build the shape of a vehicle.
+def vehicle_shape(form: str, mass: float, lengths: Mapping[str, float], mesh: Path | str | None = None) -> Shape:
+    """Build the shape of a vehicle; arguments and errors as `priors_from_shape`.
 
     Args:
-        form: `torpedo` (elliptical nose, cylinder, parabolic tail), `ellipsoid`, or `box` (open-frame ROV).
-        mass: with what water it encloses, kg; the dry mass of a frame.
-        length: m.
-        diameter: m; instead of `beam` and `height`.
-        beam: m.
-        height: m.
-        nose: length of the nose of a torpedo, m; its beam if not given.
-        tail: length of its tail, m; twice its beam if not given.
-        mesh: STL file in m, x forward, y to starboard, z down, instead of the lengths; needs the extra `mesh`.
-
-    Raises:
-        InputError: lengths that are missing, too many or no vehicle's, or a mass that gives a density which no vehicle has.
+        form: of `FORMS`.
+        mass: kg.
+        lengths: m, by name: `length`, `diameter` or `beam` and `height`, `nose` and `tail`.
+        mesh: STL file instead of the lengths.
     """
-    place = f"shape of a {check_choice(form, FORMS, 'shape, form')}"
+    place = f"shape, {check_choice(form, FORMS, 'shape, form')}"
     check_number(mass, f"{place}, mass", above=0.0, remedy="give the mass in kg")
-    lengths = {"length": length, "diameter": diameter, "beam": beam, "height": height, "nose": nose, "tail": tail}
-    given = {name: check_number(one, f"{place}, {name}", above=0.0) for name, one in lengths.items() if one is not None}
+    given = {name: check_number(one, f"{place}, {name}", above=0.0) for name, one in lengths.items()}
     if mesh is not None:
         shape = _of_mesh(form, mass, given, check_path(mesh, f"{place}, mesh"), place)
     else:
         size = _size(given, form, place)
-        shape = _box(size, mass) if form == "box" else _hull(form, mass, _profile(form, size, given, place), size)
-    least, most = DENSITIES[shape.form]
+        shape = _box(size, mass) if form == "box" else _hull(mass, _profile(form, size, given, place), size)
+    least, most = DENSITIES[shape.body]
     if not least <= (density := mass / shape.volume) <= most:
-        length, beam, height = shape.size
+        about = " x ".join(f"{one:.3g}" for one in shape.size)
         raise InputError(
             f"{place}, mass",
-            found=f"{mass:g} kg in {shape.volume:.3g} m^3 ({length:.3g} x {beam:.3g} x {height:.3g} m): {density:.4g} kg/m^3",
+            found=f"{mass:g} kg in {shape.volume:.3g} m^3, {about} m: {density:.4g} kg/m^3",
             expected=f"a density of {least:g} to {most:g} kg/m^3, which vehicles have",
             remedy="check the lengths and the mass, and their units",
         )
@@ -173,23 +139,19 @@ def shape_terms(shape: Shape, density: float = SEAWATER) -> tuple[ShapeTerm, ...
         density: of the water, kg/m^3.
     """
     check_number(density, "shape, density of water", above=0.0)
-    body = shape.body
-    if body == "box":
-        added, drag = _box_added(shape, density), _box_drag(shape, density)
-    else:
-        added, drag = _hull_added(shape, density), _hull_drag(shape, density)
-    turning = {axis: axis in "KMN" for axis in AXES}
-    kinds = {"X": "hull surge drag", "Y": "hull cross-flow drag", "Z": "hull cross-flow drag"} if body == "hull" else {}
-    terms = []
+    is_box = shape.body == "box"
+    added, drag = (_box_added, _box_drag) if is_box else (_hull_added, _hull_drag)
+    masses, areas, terms = added(shape, density), drag(shape, density), []
     for axis, rate in zip(AXES, RATES, strict=True):
-        if added[axis] > 0:
-            kind = "added inertia" if turning[axis] else "added mass"
-            terms.append(ShapeTerm(f"{axis}_{rate}dot", -added[axis], f"{body} {kind}"))
-        if axis in drag:
-            kind = kinds.get(axis, f"{body} turning drag" if turning[axis] else f"{body} drag")
-            scale, linear = (LINEAR_RATE, "linear turning drag") if turning[axis] else (LINEAR_SPEED, "linear drag")
-            terms.append(ShapeTerm(f"{axis}_{rate}", -scale * drag[axis], linear))
-            terms.append(ShapeTerm(f"{axis}_{rate}abs{rate}", -drag[axis], kind))
+        turns = axis in ROTATIONS
+        if masses[axis] > 0:
+            kind = f"{shape.body} added {'inertia' if turns else 'mass'}"
+            terms.append(ShapeTerm(f"{axis}_{rate}dot", -masses[axis], kind))
+        if axis in areas:
+            way = "turning " if turns else "" if is_box else "surge " if axis == "X" else "cross-flow "
+            speed = LINEAR_TIP_SPEED / shape.size[0] if turns else LINEAR_SPEED
+            terms.append(ShapeTerm(f"{axis}_{rate}", -speed * areas[axis], f"linear {'turning ' * turns}drag"))
+            terms.append(ShapeTerm(f"{axis}_{rate}abs{rate}", -areas[axis], f"{shape.body} {way}drag"))
     return tuple(terms)
 
 
@@ -281,14 +243,11 @@ def _size(given: Mapping[str, float], form: str, place: str) -> tuple[float, flo
     beam, height = (given.get(name, given.get("diameter")) for name in ("beam", "height"))
     unused = [name for name in ("nose", "tail") if name in given and form != "torpedo"]
     unused += ["diameter"] if {"diameter", "beam", "height"} <= {*given} else []
-    if "length" not in given or beam is None or height is None or unused:
-        raise InputError(
-            place,
-            found=", ".join(given) or "no length",
-            expected="length, and a diameter or beam and height" + ("; nose and tail if known" * (form == "torpedo")),
-            remedy=f"remove {unused[0]}" if unused else "give them in m",
-        )
-    return given["length"], beam, height
+    if "length" in given and beam is not None and height is not None and not unused:
+        return given["length"], beam, height
+    expected = "length, and a diameter or beam and height" + ("; nose and tail if known" * (form == "torpedo"))
+    remedy = f"remove {unused[0]}" if unused else "give them in m"
+    raise InputError(place, found=", ".join(given) or "no length", expected=expected, remedy=remedy)
 
 
 def _ellipsoid(size: tuple[float, float, float]) -> Float[np.ndarray, "3 n"]:
@@ -307,12 +266,8 @@ def _profile(
     length, beam, height = size
     nose, tail = given.get("nose", beam), given.get("tail", 2 * beam)
     if nose + tail > length:
-        raise InputError(
-            f"{place}, length",
-            found=f"{length:g} m, with a nose of {nose:g} m and a tail of {tail:g} m",
-            expected="a nose and a tail that are together no longer than the vehicle",
-            remedy="give `nose` and `tail` in m, or the form ellipsoid",
-        )
+        found = f"{length:g} m, with a nose of {nose:g} m and a tail of {tail:g} m"
+        raise InputError(f"{place}, length", found=found, expected="no less than both", remedy="give `nose` and `tail`")
     # Behind the tip of the nose; stations are closest there, where it is steep.
     tip = nose * (1 - np.cos(np.linspace(0.0, pi / 2, STATIONS)))
     ends = ((nose, length - tail), (length - tail, length))
@@ -323,7 +278,7 @@ def _profile(
     return np.array([(length / 2 - behind)[::-1], (beam / 2 * wide)[::-1], (height / 2 * wide)[::-1]])
 
 
-def _hull(form: str, mass: float, sections: Float[np.ndarray, "3 n"], size: tuple[float, float, float]) -> Shape:
+def _hull(mass: float, sections: Float[np.ndarray, "3 n"], size: tuple[float, float, float]) -> Shape:
     """Return a hull of uniform density about its centre of volume."""
     x, b, h = sections
     volume = float(np.trapezoid(pi * b * h, x))
@@ -331,7 +286,7 @@ def _hull(form: str, mass: float, sections: Float[np.ndarray, "3 n"], size: tupl
     squares = {"x": x**2, "y": b**2 / 4, "z": h**2 / 4}  # means over each section
     mean = {axis: float(np.trapezoid(pi * b * h * one, x)) / volume for axis, one in squares.items()}
     inertia = (mass * (mean["y"] + mean["z"]), mass * (mean["x"] + mean["z"]), mass * (mean["x"] + mean["y"]))
-    return Shape("ellipsoid" if form == "ellipsoid" else "torpedo", size, mass, volume, inertia, np.array([x, b, h]))
+    return Shape("hull", size, mass, volume, inertia, np.array([x, b, h]))
 
 
 def _box(size: tuple[float, float, float], mass: float) -> Shape:
@@ -344,45 +299,31 @@ def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, pla
     """Return the shape of a closed mesh; its sections are taken as ellipses of their beam and height."""
     place = f"{place}, {path}"
     if given or form == "torpedo":
-        raise InputError(
-            place,
-            found=", ".join(given) or "the form torpedo",
-            expected="a mesh alone, with the form ellipsoid for a closed hull or box for an open frame",
-            remedy="leave the lengths out, and give the form",
-        )
+        remedy = "leave the lengths out, and give the form ellipsoid for a closed hull or box for an open frame"
+        raise InputError(place, found=", ".join(given) or form, expected="a mesh alone", remedy=remedy)
     try:
         import trimesh
     except ModuleNotFoundError:
+        remedy = 'pip install "seatrial[mesh]", or give length, beam and height'
         raise InputError(
-            place,
-            found="an STL file, which needs the package trimesh",
-            expected="the extra `mesh`",
-            remedy='pip install "seatrial[mesh]", or give length, beam and height',
+            place, found="no trimesh, which reads it", expected="the extra `mesh`", remedy=remedy
         ) from None
+    expected, remedy = "an STL file of a closed surface", "correct the path, or repair the mesh"
     try:
         with path.open("rb") as file:
             mesh = trimesh.load_mesh(file, file_type="stl")
-    except (OSError, ValueError, IndexError, KeyError, TypeError) as error:
-        raise InputError(
-            place, found=f"{error}", expected="an STL file", remedy="correct the path or the file"
-        ) from error
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise InputError(place, found=str(error), expected=expected, remedy=remedy) from error
     if not len(mesh.faces) or not mesh.is_volume:
-        raise InputError(
-            place,
-            found="a surface with holes, or with faces that point inwards",
-            expected="a closed surface",
-            remedy="repair the mesh, or give length, beam and height",
-        )
+        raise InputError(place, found="holes, or faces that point inwards", expected=expected, remedy=remedy)
     low, high = mesh.bounds
     length, beam, height = (float(one) for one in high - low)
     if form == "box":
         return _box((length, beam, height), mass)
-    centre, share = mesh.center_mass, mass / mesh.volume
-    inertia = tuple(float(one) * share / mesh.density for one in np.diag(mesh.moment_inertia))
-    x = np.linspace(low[0], high[0], CUTS)
-    half = np.zeros((2, CUTS))
-    for cut, station in enumerate(x[1:-1], 1):
-        ends = trimesh.intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [station, 0.0, 0.0]).reshape(-1, 3)
+    xx, yy, zz = (float(one) * mass / mesh.mass for one in np.diag(mesh.moment_inertia))
+    stations, half = np.linspace(low[0], high[0], CUTS), np.zeros((2, CUTS))
+    for cut in range(1, CUTS - 1):
+        ends = trimesh.intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [stations[cut], 0.0, 0.0]).reshape(-1, 3)
         half[:, cut] = np.ptp(ends[:, 1:], axis=0) / 2 if len(ends) else 0.0
-    sections = np.array([x - centre[0], *half])
-    return Shape("ellipsoid", (length, beam, height), mass, float(mesh.volume), inertia, sections)
+    sections = np.array([stations - mesh.center_mass[0], *half])
+    return Shape("hull", (length, beam, height), mass, float(mesh.volume), (xx, yy, zz), sections)

@@ -33,9 +33,8 @@ Shape = Annotated[
     str | None,
     typer.Option(
         metavar="WORDS",
-        help="Shape and mass of your vehicle, from which priors of inertia, added mass and drag follow: 'torpedo, length 1.6 m, diameter "
-        "0.19 m, mass 31 kg', with nose and tail if known; 'box, length 0.46 m, beam 0.34 m, height 0.25 m, mass 11.5 kg' for an open "
-        "frame; 'ellipsoid, ...'; or 'hull.stl, mass 31 kg'. See docs/how-to/priors.md, Priors from the shape.",
+        help="Shape and mass of your vehicle, from which priors follow: 'box, length 0.46 m, beam 0.34 m, height 0.25 m, mass 11.5 kg'. "
+        "Forms are torpedo, ellipsoid, box (an open frame) and an STL file. A round hull has a diameter. See docs/how-to/priors.md.",
     ),
 ]
 
@@ -58,11 +57,9 @@ def init(
         )
     if shape is not None:
         if template is not None or vehicle is not None or log is not None:
+            remedy = "leave the others out. To use the priors with a log, copy their tables into its campaign"
             raise InputError(
-                "--shape",
-                found="--template, --vehicle or --log too",
-                expected="a shape alone",
-                remedy="leave the others out. To use the priors with a log, copy their tables into the campaign of the log",
+                "--shape", found="--template, --vehicle or --log too", expected="a shape alone", remedy=remedy
             )
         _write_of_shape(folder, shape)
     elif vehicle is not None or log is not None:
@@ -113,9 +110,10 @@ def _write_of_shape(folder: Path, shape: str) -> None:
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.config.shape_campaign import shape_campaign_text, shape_of_text
 
-    text = shape_campaign_text(shape)
+    found = shape_of_text(shape)
+    text = shape_campaign_text(shape, found)
     check_text(folder, text)
-    current_answer().say(repr(shape_of_text(shape)))
+    current_answer().say(repr(found))
     _write(folder, text, shape, f"correct forces and sensors, then: seatrial prior {folder}; seatrial run {folder}")
 
 

@@ -1,4 +1,4 @@
-"""Priors of coefficients from the outer shape of a vehicle: log-normal about the value of the shape, with its factor of error."""
+"""Priors of coefficients from the outer shape of a vehicle: log-normal with a factor of error, and linear drag half-normal from 0."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.result_table import aligned, text_html
 from seatrial.estimation.priors.normal import LogNormal
+from seatrial.estimation.priors.truncated import TruncatedNormal, half_normal
 from seatrial.vehicles.shape import QUALITIES, SEAWATER, Shape, shape_terms, vehicle_shape
 
 
@@ -15,29 +16,31 @@ class ShapePriors:
 
     Attributes:
         shape: with the volume, m^3, and the moments of inertia, kg m^2.
-        priors: of the coefficients by name, SI; 95 % of each lie within the square of its factor.
+        priors: of the coefficients by name, SI; 95 % of a log-normal lie within the square of its factor.
         sources: formula of each coefficient.
     """
 
     shape: Shape
-    priors: dict[str, LogNormal]
+    priors: dict[str, LogNormal | TruncatedNormal]
     sources: dict[str, str]
 
     def __repr__(self) -> str:
         """Print inertia and priors with their sources."""
-        inertia, quality = self.shape.inertia, QUALITIES[f"{self.shape.body} inertia"]
-        rows = [("", "value", "unit", "factor", "source")]
-        rows += [
-            (f"I_{2 * axis}", f"{one:.3g}", "kg m^2", f"{quality.factor:g}", quality.source)
-            for axis, one in zip("xyz", inertia, strict=True)
-        ]
-        rows += [
-            (name, f"{one.median:.3g}", CoefficientName.parse(name).unit, f"{one.factor:g}", self.sources[name])
-            for name, one in self.priors.items()
-        ]
+        quality = QUALITIES[f"{self.shape.body} inertia"]
+        rows = [("", "typical", "unit", "factor", "source")]
+        for axis, moment in zip("xyz", self.shape.inertia, strict=True):
+            rows.append((f"I_{2 * axis}", f"{moment:.3g}", "kg m^2", f"{quality.factor:g}", quality.source))
+        for name, prior in self.priors.items():
+            factor = f"{prior.factor:g}" if isinstance(prior, LogNormal) else "from 0"
+            rows.append((name, f"{typical(prior):.3g}", CoefficientName.parse(name).unit, factor, self.sources[name]))
         return "\n".join(aligned(rows, left=(0, 2, 4)))
 
     _repr_html_ = text_html
+
+
+def typical(prior: LogNormal | TruncatedNormal) -> float:
+    """Return the median of a log-normal, the mean of a half-normal."""
+    return prior.median if isinstance(prior, LogNormal) else prior.mean
 
 
 def priors_from_shape(
@@ -55,7 +58,7 @@ def priors_from_shape(
 ) -> ShapePriors:
     """Estimate inertia, added mass, linear and quadratic drag of a vehicle from its shape, each with a factor of error.
 
-    Fins, thrusters and lift are not modelled: a round hull has no term of roll, and no hull has terms such as `Y_uv`.
+    Fins, thrusters and lift are not modelled: a round hull has no term of roll, and no shape has terms such as `Y_uv`.
 
     Args:
         form: `torpedo` (elliptical nose, cylinder, parabolic tail), `ellipsoid`, or `box` (open-frame ROV).
@@ -73,20 +76,10 @@ def priors_from_shape(
         InputError: lengths that are missing or contradict each other, a mesh that is not closed, or a mass that gives a density which no
             vehicle has.
     """
-    shape = vehicle_shape(
-        form,
-        mass=mass,
-        length=length,
-        diameter=diameter,
-        beam=beam,
-        height=height,
-        nose=nose,
-        tail=tail,
-        mesh=mesh,
-    )
-    terms = shape_terms(shape, density)
-    return ShapePriors(
-        shape,
-        {one.name: LogNormal(one.value, QUALITIES[one.kind].factor) for one in terms},
-        {one.name: QUALITIES[one.kind].source for one in terms},
-    )
+    lengths = {"length": length, "diameter": diameter, "beam": beam, "height": height, "nose": nose, "tail": tail}
+    shape = vehicle_shape(form, mass, {name: one for name, one in lengths.items() if one is not None}, mesh)
+    priors, sources = {}, {}
+    for name, value, kind in shape_terms(shape, density):
+        factor, sources[name] = QUALITIES[kind]
+        priors[name] = half_normal(-value, upper=0.0) if factor is None else LogNormal(value, factor)
+    return ShapePriors(shape, priors, sources)
