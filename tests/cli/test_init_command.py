@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from seatrial.campaign.config.load import check_text, load_campaign
+from seatrial.campaign.config.shape_campaign import shape_of_text
 from seatrial.campaign.config.templates import template_text
 from seatrial.cli.commands import init as asked
 from seatrial.cli.main import app
@@ -102,3 +103,48 @@ def test_options_that_cannot_be_together_are_refused(monkeypatch, capsys, tmp_pa
     assert code == Exit.BAD_INPUT
     assert words in err
     assert not (tmp_path / "boat").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "terms"),
+    [
+        ("box, length 457 mm, beam 338 mm, height 254 mm, mass 11.5 kg", {"X_udot", "Y_vabsv", "N_r"}),
+        ("torpedo, length 1.6 m, diameter 0.19 m, nose 0.2 m, tail 0.4 m, mass 31 kg", {"X_uabsu", "N_rdot"}),
+    ],
+)
+def test_a_campaign_of_a_shape_is_valid(tmp_path, monkeypatch, capsys, words, terms):
+    folder = tmp_path / "new"
+    code, out, _ = run(monkeypatch, capsys, "init", folder, "--shape", words)
+    assert code == Exit.OK
+    assert "I_zz" in out
+    assert run(monkeypatch, capsys, "check", folder)[0] == Exit.OK
+    campaign = load_campaign(folder)
+    assert terms <= {*campaign.priors}
+    found = shape_of_text(words)
+    assert campaign.priors["X_uabsu"].median == pytest.approx(found.priors["X_uabsu"].median, rel=5e-3)
+    assert campaign.hull.inertia == pytest.approx(found.shape.inertia, rel=5e-3)
+    assert all(-value > 0 for value in campaign.truth.values())
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("torpedo, length 1.6 m, diameter 0.19 m, mass 3.1 kg", "80.43 kg/m^3"),
+        ("torpedo, length 1.6, diameter 0.19 m, mass 31 kg", "without a unit"),
+        ("torpedo, length 1.6 m, diameter 0.19 m", "no mass"),
+        ("torpedo, width 1.6 m", "beam"),
+        ("torpedo, mass 3 kg, mass 4 kg", "two values"),
+        ("sphere, mass 3 kg", "ellipsoid"),
+    ],
+)
+def test_a_shape_that_cannot_be_is_refused(tmp_path, monkeypatch, capsys, words, told):
+    code, _, err = run(monkeypatch, capsys, "init", tmp_path / "new", "--shape", words)
+    assert code == Exit.BAD_INPUT
+    assert told in err
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_shape_stands_alone(tmp_path, monkeypatch, capsys):
+    code, _, err = run(monkeypatch, capsys, "init", tmp_path / "new", "--shape", "box", "--template", "log")
+    assert code == Exit.BAD_INPUT
+    assert "a shape alone" in err

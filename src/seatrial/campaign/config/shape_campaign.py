@@ -13,8 +13,6 @@ from seatrial.vehicles.shape import FORMS, QUALITIES
 
 UNITS = dict.fromkeys(("length", "diameter", "beam", "height", "nose", "tail"), "m") | {"mass": "kg"}
 _EXAMPLE = "for example box, length 0.46 m, beam 0.34 m, height 0.25 m, mass 11.5 kg"
-_MOTIONS = {"X": "u", "Y": "v", "Z": "w", "N": "r"}
-_PERIODS = {"Y": 1.3, "Z": 1.7, "N": 0.7}  # Over that of surge, so that motions do not follow each other
 
 
 def shape_of_text(text: str) -> ShapePriors:
@@ -45,52 +43,62 @@ def shape_of_text(text: str) -> ShapePriors:
 
 
 def shape_campaign_text(text: str, found: ShapePriors) -> str:
-    """Return the campaign file of a shape, commented. Surge, sway, yaw and the heave of a frame are moved by forces.
+    """Return the campaign file of a shape, commented. Forces move surge, sway and yaw.
 
     Args:
         text: the shape in words.
         found: of `shape_of_text`.
     """
     shape = found.shape
-    axes = [axis for axis in _MOTIONS if axis != "Z" or shape.body == "box"]
-    moves = [_MOTIONS[axis] for axis in axes]
-    priors = {name: prior for name, prior in found.priors.items() if name[0] in axes}
-    units = {axis: "N m" if axis == "N" else "N" for axis in axes}
+    priors = {name: prior for name, prior in found.priors.items() if name[0] in "XYN"}
     # With one digit, what holds 1 m/s or 1 rad/s.
-    largest = {
-        axis: float(f"{-typical(priors[f'{axis}_{one}']) - typical(priors[f'{axis}_{one}abs{one}']):.1g}")
-        for axis, one in zip(axes, moves, strict=True)
-    }
+    surge, sway, yaw = (
+        float(f"{-typical(priors[linear]) - typical(priors[quadratic]):.1g}")
+        for linear, quadratic in (("X_u", "X_uabsu"), ("Y_v", "Y_vabsv"), ("N_r", "N_rabsr"))
+    )
     following = "seatrial prior DIR; seatrial run DIR rehearses a trial with a simulated vehicle. Then write your log under [import]"
-    parts = [
-        file_head(f"{shape.body} of {shape.mass:g} kg", f"from a shape: {text}", following),
-        "# Moments of inertia are those of uniform density, within a factor of "
-        f"{QUALITIES[f'{shape.body} inertia'].factor:g}.\n# Forces are commands in newtons. Replace them by your thrusters, "
-        "[[vehicle.thrusters]].\n# Or name the terms of propeller and fins, such as T_nabsn and N_uudelta_r, and give their priors.\n"
-        f'[vehicle]\nname = "{shape.body}"\nmass = "{shape.mass:g} kg"\ninertia = '
-        + json.dumps([f"{one:.3g} kg m^2" for one in shape.inertia])
-        + f'\nmoves = {json.dumps(moves)}\nadded_coriolis = "automatic"\nfixed = {{ '
-        + ", ".join(f"{axis}_tau_{axis} = 1.0" for axis in axes)
-        + ' }\ntrim = { u = "0 m/s", '
-        + ", ".join(f'tau_{axis} = "0 {units[axis]}"' for axis in axes)
-        + " }",
-        f"[structure]\nalways = {json.dumps(list(priors))}",
-        "# 68 % lie within the factor of the median, 95 % within its square; of a half-normal within once and twice the scale.",
-        *(f"[prior.{name}]  # {found.sources[name]}\n{_keys(prior)}" for name, prior in priors.items()),
-        sensor_lines(moves),
-        '# The log determines the initial state.\n[estimation]\ninitial = "estimated"',
-        "# The largest forces hold about 1 m/s or 1 rad/s. Correct them to those of your vehicle.\n"
-        '[design]\ncontrol = "tau_X"\nfamilies = ["random-steps"]\nduration = "60 s"\nactive = "50 s"\nsample_time = "0.2 s"\n'
-        f'amplitude = {{ from = "{largest["X"] / 2:g} N", to = "{largest["X"]:g} N", points = 2 }}\n'
-        'period = { from = "8 s", to = "16 s", points = 3 }',
-        *(
-            f'[design.together.tau_{axis}]\namplitude = "{largest[axis]:g} {units[axis]}"\nperiod = {_PERIODS[axis]}'
-            for axis in axes[1:]
-        ),
-        "# The simulated vehicle is in the middle of the priors. Replace this table by [import] to use real logs.\n"
-        "[truth]\n" + "\n".join(f"{name} = {typical(prior):.3g}" for name, prior in priors.items()),
-    ]
-    return "\n\n".join(parts) + "\n"
+    return f"""{file_head(f"{shape.body} of {shape.mass:g} kg", f"from a shape: {text}", following)}
+
+# Moments of inertia are those of uniform density, within a factor of {QUALITIES[f"{shape.body} inertia"].factor:g}.
+# Forces are commands in newtons. Replace them by your thrusters, [[vehicle.thrusters]].
+# Or name the terms of propeller and fins, such as T_nabsn and N_uudelta_r, and give their priors.
+[vehicle]
+name = "{shape.body}"
+mass = "{shape.mass:g} kg"
+inertia = {json.dumps([f"{one:.3g} kg m^2" for one in shape.inertia])}
+moves = ["u", "v", "r"]
+added_coriolis = "automatic"
+fixed = {{ X_tau_X = 1.0, Y_tau_Y = 1.0, N_tau_N = 1.0 }}
+trim = {{ u = "0 m/s", tau_X = "0 N", tau_Y = "0 N", tau_N = "0 N m" }}
+
+[structure]
+always = {json.dumps(list(priors))}
+
+# 68 % lie within the factor of the median, 95 % within its square; of a half-normal within once and twice the scale.
+{"".join(f"[prior.{name}]  # {found.sources[name]}{chr(10)}{_keys(prior)}{chr(10)}{chr(10)}" for name, prior in priors.items())}\
+{sensor_lines(["u", "v", "r"])}
+
+# The log determines the initial state.
+[estimation]
+initial = "estimated"
+
+# The largest forces hold about 1 m/s or 1 rad/s. Correct them to those of your vehicle.
+[design]
+control = "tau_X"
+families = ["random-steps"]
+filter = "extended"
+duration = "60 s"
+active = "50 s"
+sample_time = "0.1 s"
+amplitude = {{ from = "{surge / 2:g} N", to = "{surge:g} N", points = 2 }}
+period = {{ from = "8 s", to = "16 s", points = 3 }}
+together.tau_Y = {{ amplitude = "{sway:g} N", period = 1.3 }}
+together.tau_N = {{ amplitude = "{yaw:g} N m", period = 0.7 }}
+
+# The simulated vehicle is in the middle of the priors. Replace this table by [import] to use real logs.
+[truth]
+{chr(10).join(f"{name} = {typical(prior):.3g}" for name, prior in priors.items())}
+"""
 
 
 def _keys(prior: LogNormal | TruncatedNormal) -> str:
