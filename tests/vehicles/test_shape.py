@@ -114,7 +114,7 @@ def test_all_signs_dissipate_and_priors_have_the_factors():
         for one in (f"{rate}dot", rate, f"{rate}abs{rate}")
     }
     assert all(one.bounds[1] == 0 for one in found.priors.values())
-    assert found.priors["X_u"].scale == pytest.approx(0.4 * -found.priors["X_uabsu"].median)
+    assert found.priors["X_u"].median == pytest.approx(0.1 * found.priors["X_uabsu"].median)
     assert found.priors["Y_vabsv"].factor == QUALITIES["box drag"].factor
     assert found.sources["Y_vabsv"] in repr(found)
     assert "kg m^2/rad" in repr(found)

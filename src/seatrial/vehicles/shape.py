@@ -39,19 +39,19 @@ FRICTION = 0.004  # Of a turbulent boundary layer at a Reynolds number of two mi
 APPENDAGES = 2.0  # Drag with fins, openings and sensors over that of the bare hull: 0.27 and 0.1 of a towed REMUS 100 (Prestero, 2001)
 CROSS_FLOW = 1.1  # Drag coefficient of a cylinder across the flow: Hoerner, Fluid-Dynamic Drag (1965), chapter 3
 BLOCK = 1.05  # Of a cube, face on: the same
-# Linear drag over quadratic drag, of the published tables, root mean square: m/s, and m/s at the ends of the length. No theory gives them.
-LINEAR_SPEED, LINEAR_TIP_SPEED = 0.4, 3.7
+# Linear drag over quadratic drag, of the published tables, middle: m/s, and m/s at the ends of the length. No theory gives them.
+LINEAR_SPEED, LINEAR_TIP_SPEED = 0.1, 1.0
 
 
 class Quality(NamedTuple):
     """How well a kind of number follows from the shape.
 
     Attributes:
-        factor: 68 % of published values lie within it of the estimate; None if 95 % lie between 0 and twice the estimate.
+        factor: 68 % of published values lie within it of the estimate, 95 % within its square.
         source: of the formula.
     """
 
-    factor: float | None
+    factor: float
     source: str
 
 
@@ -67,8 +67,8 @@ QUALITIES = {
     "hull turning drag": Quality(4.0, "cross-flow on strips, C_D 1.1"),
     "box drag": Quality(2.4, "Hoerner, block, C_D 1.05"),
     "box turning drag": Quality(4.8, "block on strips, C_D 1.05"),
-    "linear drag": Quality(None, f"that of quadratic drag at {LINEAR_SPEED} m/s"),
-    "linear turning drag": Quality(None, f"that of quadratic drag at {LINEAR_TIP_SPEED} m/s of the ends"),
+    "linear drag": Quality(8.0, f"that of quadratic drag at {LINEAR_SPEED} m/s"),
+    "linear turning drag": Quality(6.0, f"that of quadratic drag at {LINEAR_TIP_SPEED} m/s of the ends"),
 }
 """By kind of number; docs/dev/shapes.md compares them with published vehicles."""
 

@@ -6,9 +6,8 @@ from seatrial.campaign.config.vehicle_campaign import file_head, sensor_lines
 from seatrial.core.argument_checks import check_choice
 from seatrial.core.errors import InputError
 from seatrial.core.units import quantity
-from seatrial.estimation.priors.from_shape import ShapePriors, priors_from_shape, typical
+from seatrial.estimation.priors.from_shape import ShapePriors, priors_from_shape
 from seatrial.estimation.priors.normal import LogNormal
-from seatrial.estimation.priors.truncated import TruncatedNormal
 from seatrial.vehicles.shape import FORMS, QUALITIES
 
 UNITS = dict.fromkeys(("length", "diameter", "beam", "height", "nose", "tail"), "m") | {"mass": "kg"}
@@ -53,10 +52,10 @@ def shape_campaign_text(text: str, found: ShapePriors) -> str:
     priors = {name: prior for name, prior in found.priors.items() if name[0] in "XYN"}
     # With one digit, what holds 1 m/s or 1 rad/s.
     surge, sway, yaw = (
-        float(f"{-typical(priors[linear]) - typical(priors[quadratic]):.1g}")
+        float(f"{-priors[linear].median - priors[quadratic].median:.1g}")
         for linear, quadratic in (("X_u", "X_uabsu"), ("Y_v", "Y_vabsv"), ("N_r", "N_rabsr"))
     )
-    following = "seatrial prior DIR; seatrial run DIR rehearses a trial with a simulated vehicle. Then write your log under [import]"
+    following = "seatrial prior DIR; seatrial design DIR. Then write your log under [import]"
     return f"""{file_head(f"{shape.body} of {shape.mass:g} kg", f"from a shape: {text}", following)}
 
 # Moments of inertia are those of uniform density, within a factor of {QUALITIES[f"{shape.body} inertia"].factor:g}.
@@ -74,7 +73,7 @@ trim = {{ u = "0 m/s", tau_X = "0 N", tau_Y = "0 N", tau_N = "0 N m" }}
 [structure]
 always = {json.dumps(list(priors))}
 
-# 68 % lie within the factor of the median, 95 % within its square; of a half-normal within once and twice the scale.
+# 68 % lie within the factor of the median, 95 % within its square.
 {"".join(f"[prior.{name}]  # {found.sources[name]}{chr(10)}{_keys(prior)}{chr(10)}{chr(10)}" for name, prior in priors.items())}\
 {sensor_lines(["u", "v", "r"])}
 
@@ -85,8 +84,6 @@ initial = "estimated"
 # The largest forces hold about 1 m/s or 1 rad/s. Correct them to those of your vehicle.
 [design]
 control = "tau_X"
-families = ["random-steps"]
-filter = "extended"
 duration = "60 s"
 active = "50 s"
 sample_time = "0.1 s"
@@ -95,14 +92,12 @@ period = {{ from = "8 s", to = "16 s", points = 3 }}
 together.tau_Y = {{ amplitude = "{sway:g} N", period = 1.3 }}
 together.tau_N = {{ amplitude = "{yaw:g} N m", period = 0.7 }}
 
-# The simulated vehicle is in the middle of the priors. Replace this table by [import] to use real logs.
-[truth]
-{chr(10).join(f"{name} = {typical(prior):.3g}" for name, prior in priors.items())}
+# After the trial, map its log under [import]. To rehearse a trial before, make the lines below a table: a vehicle in the middle of the priors.
+# [truth]
+{chr(10).join(f"# {name} = {prior.median:.3g}" for name, prior in priors.items())}
 """
 
 
-def _keys(prior: LogNormal | TruncatedNormal) -> str:
+def _keys(prior: LogNormal) -> str:
     """Return the keys of the table of a prior."""
-    if isinstance(prior, LogNormal):
-        return f'distribution = "log-normal"\nmedian = {prior.median:.3g}\nfactor = {prior.factor:g}'
-    return f'distribution = "half-normal"\nscale = {prior.scale:.3g}\nupper = 0.0'
+    return f'distribution = "log-normal"\nmedian = {prior.median:.3g}\nfactor = {prior.factor:g}'

@@ -114,7 +114,7 @@ def _write_of_shape(folder: Path, shape: str) -> None:
     text = shape_campaign_text(shape, found)
     check_text(folder, text)
     current_answer().say(repr(found))
-    _write(folder, text, shape, f"correct forces and sensors, then: seatrial prior {folder}; seatrial run {folder}")
+    _write(folder, text, shape, f"correct forces and sensors, then: seatrial prior {folder}; seatrial design {folder}")
 
 
 def _write(folder: Path, text: str, subject: str, following: str) -> None:

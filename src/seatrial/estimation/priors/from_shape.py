@@ -1,4 +1,4 @@
-"""Priors of coefficients from the outer shape of a vehicle: log-normal with a factor of error, and linear drag half-normal from 0."""
+"""Priors of coefficients from the outer shape of a vehicle: log-normal with a factor of error."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +6,6 @@ from pathlib import Path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.result_table import aligned, text_html
 from seatrial.estimation.priors.normal import LogNormal
-from seatrial.estimation.priors.truncated import TruncatedNormal, half_normal
 from seatrial.vehicles.shape import QUALITIES, SEAWATER, Shape, shape_terms, vehicle_shape
 
 
@@ -21,26 +20,22 @@ class ShapePriors:
     """
 
     shape: Shape
-    priors: dict[str, LogNormal | TruncatedNormal]
+    priors: dict[str, LogNormal]
     sources: dict[str, str]
 
     def __repr__(self) -> str:
         """Print inertia and priors with their sources."""
         quality = QUALITIES[f"{self.shape.body} inertia"]
-        rows = [("", "typical", "unit", "factor", "source")]
+        rows = [("", "median", "unit", "factor", "source")]
         for axis, moment in zip("xyz", self.shape.inertia, strict=True):
             rows.append((f"I_{2 * axis}", f"{moment:.3g}", "kg m^2", f"{quality.factor:g}", quality.source))
         for name, prior in self.priors.items():
-            factor = f"{prior.factor:g}" if isinstance(prior, LogNormal) else "from 0"
-            rows.append((name, f"{typical(prior):.3g}", CoefficientName.parse(name).unit, factor, self.sources[name]))
+            rows.append(
+                (name, f"{prior.median:.3g}", CoefficientName.parse(name).unit, f"{prior.factor:g}", self.sources[name])
+            )
         return "\n".join(aligned(rows, left=(0, 2, 4)))
 
     _repr_html_ = text_html
-
-
-def typical(prior: LogNormal | TruncatedNormal) -> float:
-    """Return the median of a log-normal, the mean of a half-normal."""
-    return prior.median if isinstance(prior, LogNormal) else prior.mean
 
 
 def priors_from_shape(
@@ -81,5 +76,5 @@ def priors_from_shape(
     priors, sources = {}, {}
     for name, value, kind in shape_terms(shape, density):
         factor, sources[name] = QUALITIES[kind]
-        priors[name] = half_normal(-value, upper=0.0) if factor is None else LogNormal(value, factor)
+        priors[name] = LogNormal(value, factor)
     return ShapePriors(shape, priors, sources)
