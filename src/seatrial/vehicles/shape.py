@@ -68,7 +68,7 @@ QUALITIES = {
     "box drag": Quality(2.4, "Hoerner, block, C_D 1.05"),
     "box turning drag": Quality(4.8, "block on strips, C_D 1.05"),
     "linear drag": Quality(8.0, f"that of quadratic drag at {LINEAR_SPEED} m/s"),
-    "linear turning drag": Quality(6.0, f"that of quadratic drag at {LINEAR_TIP_SPEED} m/s of the ends"),
+    "linear turning drag": Quality(5.6, f"that of quadratic drag at {LINEAR_TIP_SPEED} m/s of the ends"),
 }
 """By kind of number; docs/dev/shapes.md compares them with published vehicles."""
 

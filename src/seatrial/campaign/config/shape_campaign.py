@@ -92,7 +92,7 @@ period = {{ from = "8 s", to = "16 s", points = 3 }}
 together.tau_Y = {{ amplitude = "{sway:g} N", period = 1.3 }}
 together.tau_N = {{ amplitude = "{yaw:g} N m", period = 0.7 }}
 
-# After the trial, map its log under [import]. To rehearse a trial before, make the lines below a table: a vehicle in the middle of the priors.
+# After the trial, map its log under [import]. This table instead simulates a vehicle in the middle of the priors.
 # [truth]
 {chr(10).join(f"# {name} = {prior.median:.3g}" for name, prior in priors.items())}
 """
