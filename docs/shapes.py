@@ -225,21 +225,12 @@ class Row(NamedTuple):
         """Logarithm of the published number divided by that of the shape."""
         return log(self.published / self.expected)
 
-    @property
-    def is_linear(self) -> bool:
-        """Whether the prior is half-normal, from 0."""
-        return QUALITIES[self.kind].factor is None
-
     def is_inside(self, factor: float) -> bool:
-        """Return whether the published number is inside 95 % of the prior of a factor, which for a half-normal multiplies its scale."""
-        if self.is_linear:
-            return exp(self.log_ratio) <= NORMAL_95 * factor
+        """Return whether the published number is inside 95 % of the prior of a factor."""
         return abs(self.log_ratio) <= NORMAL_95 * log(factor)
 
     def ends(self, factor: float) -> tuple[float, float]:
         """Return the ends of 95 % of the prior."""
-        if self.is_linear:
-            return self.expected * NORMAL_95 * factor, 0.0
         spread = factor**NORMAL_95
         low, high = sorted((self.expected / spread, self.expected * spread))
         return low, high
@@ -260,10 +251,8 @@ def all_rows() -> list[Row]:
 
 
 def factor_of(rows: Sequence[Row]) -> float:
-    """Return the factor that numbers of a kind give, widened: the root mean square of their log ratios, or of their ratios if linear."""
+    """Return the factor that numbers of a kind give, widened: the root mean square of their log ratios."""
     setting = [row for row in rows if row.name not in TABLES[row.table].set_aside]
-    if rows[0].is_linear:
-        return MARGIN * sqrt(sum(exp(2 * row.log_ratio) for row in setting) / len(setting))
     return exp(MARGIN * sqrt(sum(row.log_ratio**2 for row in setting) / len(setting)))
 
 
@@ -274,7 +263,7 @@ def without_vehicle(row: Row, rows: Sequence[Row]) -> float:
 
 def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
     """Return rows, and how many of them lie inside 95 %, by the stated factors and by those of the other vehicles."""
-    inside = [row.is_inside(QUALITIES[row.kind].factor or 1.0) for row in rows]
+    inside = [row.is_inside(QUALITIES[row.kind].factor) for row in rows]
     held = [row.is_inside(without_vehicle(row, rows)) for row in rows]
     share = {"of": len(rows), "inside": sum(inside), "inside by the other vehicles": sum(held)}
     vehicles = {row.vehicle for row in rows}
@@ -283,7 +272,7 @@ def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
         **share,
         "percent": round(100 * sum(inside) / len(rows), 1),
         "percent by the other vehicles": round(100 * sum(held) / len(rows), 1),
-        "factors": {kind: one.factor or 1.0 for kind, one in QUALITIES.items()},
+        "factors": {kind: one.factor for kind, one in QUALITIES.items()},
         "rows": [
             [*row[:2], *(float(f"{one:.4g}") for one in row[2:4]), row.kind, int(stated), int(others)]
             for row, stated, others in zip(rows, inside, held, strict=True)
@@ -293,7 +282,7 @@ def numbers_of(rows: Sequence[Row]) -> dict[str, Any]:
 
 def tables(found: dict[str, Any]) -> str:
     """Return the tables of the page."""
-    rows = [(Row(*one[:5]), *map(bool, one[5:])) for one in found["rows"]]
+    rows = [(Row(*one[:5]), bool(one[5]), bool(one[6])) for one in found["rows"]]
     lines = [
         f"{found['inside']} of {found['of']} published numbers of {found['vehicles']} vehicles lie inside the 95 % prior: "
         f"{found['percent']} %. By factors from the other vehicles only it is {found['inside by the other vehicles']}: "

@@ -302,7 +302,7 @@ def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, pla
         remedy = "leave the lengths out, and give the form ellipsoid for a closed hull or box for an open frame"
         raise InputError(place, found=", ".join(given) or form, expected="a mesh alone", remedy=remedy)
     try:
-        import trimesh
+        import trimesh  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError:
         remedy = 'pip install "seatrial[mesh]", or give length, beam and height'
         raise InputError(
