@@ -9,11 +9,12 @@ import pytest
 
 from seatrial.numerics.integrate import rk4_looped, rk4_unrolled
 from seatrial.numerics.rotations import angles_of_quaternion, quaternion_of_angles
+from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.axis_equation import axes_vehicle, axis_equation
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.linearise import linearise
 from seatrial.vehicles.simulate import simulate
-from seatrial.vehicles.whole import whole_vehicle
+from seatrial.vehicles.whole import stated_mass, whole_vehicle
 from tests.vehicles import prestero_twin as twin
 
 REMUS = load_vehicle("remus100_prestero")
@@ -62,6 +63,23 @@ def test_rates_anywhere():
     assert np.allclose(found, twin.rate(POINT, *FINS), rtol=1e-12, atol=1e-13)
     found = QUATERNION.derivative(REMUS.coefficients, tuple(by_quaternion(POINT)), FINS)
     assert np.allclose(found[:9], twin.rate(POINT, *FINS)[:9], rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("moves", [("u", "v", "w", "p", "q", "r"), ("u", "w", "q"), ("u",)])
+def test_another_mass_among_the_parameters_is_that_of_another_hull(moves):
+    """Coriolis forces and the coupling by the centre of gravity included; weight, buoyancy and inertia stay as stated."""
+    fixed = {name: value for name, value in REMUS.hull.fixed.items() if name != "X_udot"}
+    body = replace(REMUS.hull, centre_of_gravity=(0.02, -0.01, 0.03), fixed=fixed)
+    terms = acting_terms((*REMUS.coefficients, "X_udot"), moves)
+    values = {name: {**REMUS.coefficients, "X_udot": -0.93}[name] for name in terms}
+    states = dict(zip(("u", "v", "w", "p", "q", "r", *ALL, "phi", "theta", "psi"), POINT, strict=True))
+    heavier = replace(body, mass=body.mass + 4.0)
+    stated, other = (whole_vehicle(hull, terms, moves=moves, attitude="euler") for hull in (body, heavier))
+    state, control = tuple(states[name] for name in stated.states), (0.1,) * len(stated.controls)
+    moved = stated.derivative({**values, "mass": heavier.mass}, state, control)
+    assert np.allclose(moved, other.derivative(values, state, control), rtol=1e-12, atol=1e-14)
+    assert not np.allclose(moved, stated.derivative(values, state, control), rtol=1e-3)
+    assert stated_mass(stated) == body.mass
 
 
 def test_a_minute_with_steps_of_propeller_rudder_and_stern_plane():

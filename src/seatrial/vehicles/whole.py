@@ -54,6 +54,8 @@ from seatrial.vehicles.whole_checks import check_has_state, check_whole
 # Named terms, the propeller's share of the thrust, and Coriolis forces of the rigid body and of the added mass that
 # are products of the same velocities come together before anything is compiled.
 
+MASS = "mass"  # Name among the parameters of another mass than the stated one, kg
+
 Forces = Callable[[Mapping[str, Any], Mapping[str, Any], tuple], list[Any]]
 
 
@@ -132,16 +134,22 @@ def forces_of(
 # Axes that no entry couples are solved apart. A constant matrix is inverted once; one with estimated entries is
 # eliminated on scalars, without pivoting: a mass matrix is positive definite.
 
-Solve = Callable[[Mapping[str, Any], Sequence[Any]], list[Any]]
+Solve = Callable[..., list[Any]]
 
 
-def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientName], moving: Sequence[int]) -> Solve:
-    """Return `solve(values, forces)`: accelerations of the moving axes for the forces on all six.
+def mass_solver(
+    constant: Float[np.ndarray, "6 6"],
+    free: Sequence[CoefficientName],
+    moving: Sequence[int],
+    per_mass: Float[np.ndarray, "6 6"] | None = None,
+) -> Solve:
+    """Return `solve(values, forces, further)`: accelerations of the moving axes for the forces on all six.
 
     Args:
         constant: rigid body and fixed added mass.
         free: added masses among the values.
         moving: indices of the axes that move; the others stay at rest.
+        per_mass: what a kilogram adds to `constant`; `further` is how many there are beyond the stated mass, None for none.
     """
     named: dict[tuple[int, int], list[str]] = {}
     for name in free:
@@ -153,14 +161,17 @@ def mass_solver(constant: Float[np.ndarray, "6 6"], free: Sequence[CoefficientNa
         if len(group) > 1 and not any((i, j) in named for i in group for j in group)
     }
 
-    def solve(values: Mapping[str, Any], forces: Sequence[Any]) -> list[Any]:
+    def solve(values: Mapping[str, Any], forces: Sequence[Any], further: Any = None) -> list[Any]:
         results: dict[int, Any] = {}
         for group in groups:
             right = [forces[i] if len(group) == 1 else _computed_once(forces[i]) for i in group]
-            if group in inverses:
+            if group in inverses and (further is None or per_mass is None):
                 rates = [dot((float(entry) for entry in row), right) for row in inverses[group]]
             else:
                 rows = [[_entry(float(constant[i, j]), named.get((i, j), ()), values) for j in group] for i in group]
+                if further is not None and per_mass is not None:
+                    own = [[times(float(per_mass[i, j]), further) for j in group] for i in group]
+                    rows = [[total(pair) for pair in zip(*both, strict=True)] for both in zip(rows, own, strict=True)]
                 rates = _eliminate(rows, right)
             results.update(zip(group, rates, strict=True))
         return [results[i] for i in moving]
@@ -313,7 +324,10 @@ def _assembled(
     inertial = [name for name in free if name.is_added_mass]
     moving = [RATES.index(rate) for rate in freedom.moves]
     mass = rigid_mass_matrix(hull) + added_mass_matrix(fixed)
-    solve = mass_solver(mass, inertial, moving)
+    # A kilogram more at the centre of gravity; moments of inertia about the origin, weight and buoyancy stay as stated.
+    per_mass = 0.0 * mass if hull.mass is None else rigid_mass_matrix(_point_mass(hull))
+    turning = [product for product in matrix_products(per_mass) if acts(product.name, freedom, ())]
+    solve = mass_solver(mass, inertial, moving, per_mass)
     floating = tuple(one for one in floating_unknowns(hull) if one.name in unknowns)
     attitude = _attitude(hull, named, freedom, {one.name for one in floating})
     drift = _current_components(freedom)
@@ -347,7 +361,13 @@ def _assembled(
         values = {**fixed, **params}
         acting = forces(values, known, velocity)
         outside = [params.get(outside_force(axis), 0.0) for axis in AXES]
-        rates = solve(values, [total((weight[i], acting[i], outside[i])) if i in moving else 0.0 for i in range(6)])
+        further = params[MASS] - hull.mass if MASS in params and hull.mass is not None else None
+        if further is not None:
+            for name, factor in turning:
+                at = AXES.index(name.axis)
+                outside[at] = total((outside[at], times(factor, further * name.regressor(known, hull.trim))))
+        resulting = [total((weight[i], acting[i], outside[i])) if i in moving else 0.0 for i in range(6)]
+        rates = solve(values, resulting, further)
         water = {name: known[f"current_{name}"] for name in freedom.positions if f"current_{name}" in known}
         return (
             *rates,
@@ -402,6 +422,16 @@ def _assembled(
         tuple(AXES[i] for i in moving),
         (*floating, *(one for one in (*pulled, *thrust_unknowns(controls, thrusters)) if one.name in unknowns)),
     )
+
+
+def stated_mass(model: VehicleModel) -> float | None:
+    """Return the mass that moves along in a model, kg, instead of which `params` may have another as `mass`; None if there is none."""
+    moves_along = {"X", "Y", "Z"} & {*model.disturbance_axes}
+    return dict(model.constants).get("mass 00") if moves_along and not model.per_unit_mass else None
+
+
+def _point_mass(hull: Hull) -> Hull:
+    return replace(hull, mass=1.0, inertia=(None, None, None), products=(0.0, 0.0, 0.0))
 
 
 def _attitude(hull: Hull, named: Sequence[CoefficientName], freedom: Freedom, sought: Collection[str] = ()) -> Attitude:
