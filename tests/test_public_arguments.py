@@ -200,6 +200,8 @@ def test_settings_and_parts(make, message):
         (lambda p: st.compare({"a": p}), "two at least"),
         (lambda p: st.predict(p, None, None), "draws"),
         (lambda p: st.predict(None, None, None), "posterior"),
+        (lambda p: st.tweak(None, None, None, {}), "posterior"),
+        (lambda p: st.tweak(p, None, None, {}), "mode"),
     ],
 )
 def test_what_is_done_with_a_posterior(posterior, call, message):

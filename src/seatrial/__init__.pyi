@@ -48,6 +48,8 @@ from seatrial.estimation.posterior.simulated_record import simulate as simulate
 from seatrial.estimation.posterior.simulated_record import simulate_motion as simulate_motion
 from seatrial.estimation.prediction.prediction import Prediction as Prediction
 from seatrial.estimation.prediction.prediction import predict as predict
+from seatrial.estimation.prediction.tweak import Tweak as Tweak
+from seatrial.estimation.prediction.tweak import tweak as tweak
 from seatrial.estimation.priors import (
     LogNormal as LogNormal,
 )

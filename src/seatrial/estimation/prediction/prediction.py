@@ -339,19 +339,27 @@ def posterior_of_record(
             expected="the parameters of the posterior: " + ", ".join(posterior.names),
             remedy="give the draws that were taken of this posterior",
         )
-    own = record.label if record.label in likelihood.labels else likelihood.labels[0]
-    places = np.array([i for i, name in enumerate(posterior.names) if "[" not in name or name.endswith(f"[{own}]")])
-    stated = start if start is None or isinstance(start, Mapping) else [start]
-    starts = starts_of(likelihood.model, [record], stated, likelihood.output.free_initial)
-    data = stack_trials([record], likelihood.model, likelihood.channels, starts)
     known = {
         name.replace(f"[{record.label}]", f"[{ANY_TRIAL}]"): spread_rows(column, n)
         for name, column in table.items()
         if "[" not in name or name.endswith(f"[{record.label}]")
     }
-    alone = of_any_trial(posterior, own, places, data)
+    alone = record_alone(posterior, record, start)
     # Beside the keys of `outputs_of_draws`: the first of `split`, without a program compiled for it.
     return alone, values_of_draws(alone, known, fold_in(key, 0), first_sd)
+
+
+def record_alone(
+    posterior: Posterior, record: Record, start: Mapping[str, float] | Sequence[float] | None = None
+) -> Posterior:
+    """Return the posterior of one record, fitted or not, labelled `ANY_TRIAL`; arguments as `predict`."""
+    likelihood = posterior.likelihood
+    own = record.label if record.label in likelihood.labels else likelihood.labels[0]
+    places = np.array([i for i, name in enumerate(posterior.names) if "[" not in name or name.endswith(f"[{own}]")])
+    stated = start if start is None or isinstance(start, Mapping) else [start]
+    starts = starts_of(likelihood.model, [record], stated, likelihood.output.free_initial)
+    data = stack_trials([record], likelihood.model, likelihood.channels, starts)
+    return of_any_trial(posterior, own, places, data)
 
 
 def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"], data: TrialData) -> Posterior:
@@ -395,7 +403,7 @@ def values_of_draws(
         if name in known or name not in priors:
             values[name] = known.get(name, np.zeros(count))
             continue
-        prior, own = _prior_of_unseen(parameter, first, known, first_sd or {}), jax.random.fold_in(key, index)
+        prior, own = prior_of_unseen(parameter, first, known, first_sd or {}), jax.random.fold_in(key, index)
         values[name] = within_bounds(name, prior.draw(own, (count,)), known, priors, own)
     return values
 
@@ -425,7 +433,7 @@ def within_bounds(
     return np.where(inside, drawn, scipy.special.ndtri(low + share * (high - low)))
 
 
-def _prior_of_unseen(
+def prior_of_unseen(
     parameter: Parameter, first: Mapping[str, float], known: Mapping[str, np.ndarray], first_sd: Mapping[str, float]
 ) -> Prior:
     """Return the prior of the own parameter of a trial that was not fitted; an initial state lies about its first measurement."""
