@@ -106,6 +106,11 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
     _check_gains(priors, model, keys)
+    for name in estimation.start_values:
+        if name not in priors:
+            raise not_among(
+                keys.where(f"estimation.start_values.{name}"), name, priors, found=f'"{name}", which is not estimated'
+            )
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
     autopilot, design, own, power = AutopilotSettings(), file.design, None, None

@@ -199,6 +199,12 @@ class EstimationTable(Table):
         default="none", description="an unknown steady current along the course: one for all trials, or one for each"
     )
     varying: Several[str] = Field(default=(), description="coefficients that differ from trial to trial")
+    start_values: dict[str, float] = Field(
+        default={},
+        description="values from which the search for the posterior mode begins too, by name; the search keeps the highest mode, and no "
+        "prior changes",
+        json_schema_extra={"unit": "SI"},
+    )
     inertia_error: StatedShare = Field(
         default=0.05,
         description='standard deviation of each stated inertia, including added mass, as a share; or "exact"',

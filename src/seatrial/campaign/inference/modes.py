@@ -135,6 +135,16 @@ def all_modes(study: Study, trials: Trials, reporter: Reporter = SILENT) -> Know
     return _stored(study.campaign, trials, "all", Store(study.campaign.folder).all_modes).read_or_make(find)
 
 
+def kept_modes(campaign: Campaign, trials: HasKey) -> KnownModes | None:
+    """Return the modes of all structures if they were found already, those of the wider search if there are any; nothing is computed."""
+    store = Store(campaign.folder)
+    for which, path in (("all", store.all_modes), ("highest", store.modes)):
+        stored = _stored(campaign, trials, which, path)
+        if stored.state() == "current":
+            return stored.read()
+    return None
+
+
 def _stored(campaign: Campaign, trials: HasKey, which: str, path: Path) -> StoredResult[KnownModes]:
     """Return where modes are kept, and what they depend on."""
     density = {name: value for name, value in campaign.estimation if name not in NOT_OF_DENSITY}
@@ -206,15 +216,21 @@ def check_prior_of(study: Study, posterior: Posterior, mode: Mode) -> None:
 
 
 def _find(study: Study, item: _Known, report: Progress) -> Mode | NumericalError:
-    """Find the mode of a structure, near those of others if there are any; or why there is none."""
+    """Find the mode of a structure, near those of others if there are any, and from the stated start; or why there is none."""
     posterior, near = study.posterior(item.structure), dict[str, float]()
     for mode in item.others:
         near |= mode.expected({name: 0.0 for name in mode.names if name not in posterior.present_names})
     key = random_key(study.campaign.seed, f"mode {item.structure.terms}")
-    try:
-        return find_mode(posterior, key=key, near=near or None)
-    except NumericalError as error:
-        return error
+    start_values = study.campaign.estimation.start_values
+    stated = {name: value for name, value in start_values.items() if name in posterior.present_names}
+    searches = [{"near": near or None}, *([{"near": stated, "starts": 1}] if stated else [])]
+    results = list[Mode | NumericalError]()
+    for search in searches:
+        try:
+            results.append(find_mode(posterior, key=key, **search))
+        except NumericalError as error:
+            results.append(error)
+    return max((one for one in results if isinstance(one, Mode)), key=lambda one: one.log_density, default=results[0])
 
 
 def _exchange(study: Study, item: _Known, report: Progress) -> Mode | None:
