@@ -4,7 +4,7 @@ A chart over time never holds more than the screen can show: each zoom asks for 
 """
 
 import itertools
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -221,6 +221,10 @@ class TimeChart:
             self.element.on("chart:brushEnd", self._brushed, js_handler=_BRUSHED)
         self.said = ui.element("div")
 
+    async def draw_again(self, names: Collection[str]) -> None:
+        """Draw the present view of some curves, which have changed."""
+        await self._draw(*self.shown, names=names)
+
     def keep(self, start: float, end: float) -> None:
         """Shade all that is outside a range, s."""
         self.kept = (start, end)
@@ -260,9 +264,9 @@ class TimeChart:
         low, high = (float(share) / 100 for share in event.args)
         await self._draw(first + low * (last - first), first + high * (last - first))
 
-    async def _draw(self, start: float, end: float, moves: bool = False) -> None:
+    async def _draw(self, start: float, end: float, moves: bool = False, names: Collection[str] | None = None) -> None:
         """Show another view, which the browser shows already unless this `moves` it; of several that are asked for while the first is
-        read, only the last is drawn.
+        read, only the last is drawn. Curves that are not among `names` stay as they are drawn.
         """
         self.shown, self.asked = (start, end), self.asked + 1
         turn, more = self.asked, MARGIN * (end - start)
@@ -276,7 +280,8 @@ class TimeChart:
                 say(error)
             return
         if turn == self.asked and not self.element.is_deleted:
-            (first, last), options = self.span, {"series": self._series(curves)}
+            self.said.clear()
+            (first, last), options = self.span, {"series": self._series(curves, names)}
             if moves:
                 ends = [100 * (at - first) / ((last - first) or 1.0) for at in (start, end)]
                 options["dataZoom"] = [{"start": ends[0], "end": ends[1]}] * 2
@@ -317,13 +322,16 @@ class TimeChart:
         pale = {"itemStyle": {"opacity": 0.3}} if curve.kind == "band" else {}
         return {"name": label, "icon": _icon(curve), **pale}
 
-    def _series(self, curves: Mapping[str, Envelope]) -> list[dict[str, Any]]:
-        about = [self.panels[at].unit for at, _ in self._curves()]
-        made = [_series(curve, curves[curve.name]) for _, curve in self._curves()]
-        placed = zip(self._curves(), about, made, strict=True)
+    def _series(self, curves: Mapping[str, Envelope], names: Collection[str] | None = None) -> list[dict[str, Any]]:
         return [
-            {**one, "id": f"{at}/{curve.name}/{curve.kind}|{unit}", "xAxisIndex": at, "yAxisIndex": at}
-            for (at, curve), unit, one in placed
+            {
+                **_series(curve, curves[curve.name]),
+                "id": f"{at}/{curve.name}/{curve.kind}|{self.panels[at].unit}",
+                "xAxisIndex": at,
+                "yAxisIndex": at,
+            }
+            for at, curve in self._curves()
+            if names is None or curve.name in names
         ]
 
     def _shaded(self, series: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -21,6 +21,7 @@ VIEWS = {
     "live": "Live",
     "run": "Run",
     "results": "Results",
+    "tweak": "Tweak",
     "compare": "Compare",
     "report": "Report and export",
     "file": "Campaign file",

@@ -39,6 +39,7 @@ from seatrial.dashboard.pages import (
     records,
     report,
     results,
+    tweak,
     work,
 )
 from seatrial.dashboard.request_guard import GuardedApp, RequestGuard, is_loopback
@@ -65,6 +66,7 @@ VIEWS = {
     "live": live.build,
     "run": work.build,
     "results": results.build,
+    "tweak": tweak.build,
     "compare": compare.build,
     "report": report.build,
     "file": campaign_file.build,

@@ -1,6 +1,6 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -176,3 +176,38 @@ class Clicked(NamedTuple):
     control: np.ndarray
     margins: tuple[Margin, ...]
     schedule: str
+
+
+class Movable(NamedTuple):
+    """A number that may be moved, in a unit of which there are `factor` in an SI unit; `sd` is 0 of what is taken as exact."""
+
+    name: str
+    label: str
+    unit: str
+    factor: float
+    best: float
+    sd: float
+    lower: float
+    upper: float
+
+
+class TweakForm(NamedTuple):
+    """What may be moved: structures, the chosen one first; records, fitted ones first; and the numbers of one structure."""
+
+    structures: tuple[str, ...]
+    records: tuple[str, ...]
+    numbers: tuple[Movable, ...]
+
+
+class Tweaked(NamedTuple):
+    """A record with moved values, as they are shown: curves, `NAME`, `NAME residual`, `NAME best` and `NAME measured`; first and last
+    time, s; of each channel its unit and the shares explained now and by the best values; all movable values; by how much the log
+    likelihoods of the record and of all fitted ones are below the best; distance and share of the posterior farther out, as `Tweak`."""
+
+    curves: dict[str, Any]
+    span: tuple[float, float]
+    channels: tuple[tuple[str, str, float, float], ...]
+    values: dict[str, float]
+    below: tuple[float, ...]
+    distance: float
+    probability: float

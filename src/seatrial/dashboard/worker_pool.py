@@ -24,6 +24,9 @@ KEPT = 400
 """Answers that are kept."""
 
 
+ENDED = "the process ended without a message, perhaps because memory ran out"
+
+
 class WorkerPool:
     """Three processes that answer questions, and the answers so far."""
 
@@ -38,6 +41,14 @@ class WorkerPool:
     async def think(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `model_queries`; kept likewise."""
         return await self._ask("model_queries", question, about, files)
+
+    async def try_out(self, question: str, *about: Any) -> Any:
+        """Ask a function of `model_queries` what is hardly asked twice, such as what a slider shows; the answer is not kept."""
+        try:
+            return await asyncio.wrap_future(self._submit("model_queries", question, about))
+        except BrokenProcessPool as cause:
+            self.pools.pop("model_queries", None)
+            raise NumericalError(ENDED) from cause
 
     async def view(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `record_views`; the answer is kept likewise."""
@@ -70,7 +81,7 @@ class WorkerPool:
         except BrokenProcessPool as cause:
             self.pools.pop(pool, None)
             self.answers.pop(name, None)
-            raise NumericalError("the process ended without a message, perhaps because memory ran out") from cause
+            raise NumericalError(ENDED) from cause
         except Exception:
             self.answers.pop(name, None)
             raise

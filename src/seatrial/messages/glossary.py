@@ -57,6 +57,7 @@ GLOSSARY = {
     "posterior": Word("posteriors?", "the distribution of the coefficients after the data: prior times likelihood."),
     "prior": Word("priors?", "the distribution of a coefficient before the data."),
     "R-hat": Word("R-hat", "compares chains with one another. Above 1.01 they do not agree yet."),
+    "ridge": Word("ridges?", "the line along which coefficients can change together while the fit hardly changes."),
     "trim": Word("trim", "the steady state about which the vehicle works, such as 1.5 m/s at 1200 rpm."),
 }
 """Words by their entry in the glossary."""
