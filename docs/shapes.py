@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from math import exp, log, sqrt
 from typing import Any, NamedTuple
 
+import numpy as np
 import study_numbers
 
 from seatrial.vehicles.catalogue import load_vehicle
@@ -295,8 +296,8 @@ def tables(found: dict[str, Any]) -> str:
     ]
     for kind, factor in found["factors"].items():
         of = [one for one in rows if one[0].kind == kind]
-        mean = exp(sum(row.log_ratio for row, *_ in of) / len(of))
-        counts = [f"{sum(one[place] for one in of)} of {len(of)}" for place in (1, 2)]
+        mean = exp(float(np.mean([row.log_ratio for row, *_ in of])))
+        counts = [f"{sum(bool(one[place]) for one in of)} of {len(of)}" for place in (1, 2)]
         lines.append(
             f"| {kind} | {factor:g} | {factor_of([row for row, *_ in of]):.2f} | {mean:.2f} | {counts[0]} | {counts[1]} |"
         )
@@ -309,7 +310,7 @@ def tables(found: dict[str, Any]) -> str:
     ]
     for index, table in enumerate(TABLES):
         of = [one for one in rows if one[0].table == index]
-        counts = [f"{sum(one[place] for one in of)} of {len(of)}" for place in (1, 2)]
+        counts = [f"{sum(bool(one[place]) for one in of)} of {len(of)}" for place in (1, 2)]
         damping = [name for name in table.values if _is_of_motion(name) and name not in {row.name for row, *_ in of}]
         absent = ", ".join(f"`{name}`" for name in damping) or "–"
         lines.append(f"| {table.vehicle} | {table.source} | {table.lengths} | {counts[0]} | {counts[1]} | {absent} |")

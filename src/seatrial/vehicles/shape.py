@@ -25,8 +25,7 @@ from seatrial.vehicles.model import ROTATIONS
 
 FORMS = ("torpedo", "ellipsoid", "box")
 SEAWATER = 1025.0  # kg/m^3
-# Mass over the enclosed volume that a vehicle may have, kg/m^3; water fills most of the box about an open frame.
-DENSITIES = {"hull": (200.0, 3000.0), "box": (100.0, 3000.0)}
+LEAST_DENSITY, MOST_DENSITY = 200.0, 3000.0  # Mass over the enclosed volume that a vehicle may have, kg/m^3
 STATIONS = 201  # Along each part of a hull
 CUTS = 101  # Sections of a mesh
 
@@ -119,13 +118,12 @@ def vehicle_shape(form: str, mass: float, lengths: Mapping[str, float], mesh: Pa
     else:
         size = _size(given, form, place)
         shape = _box(size, mass) if form == "box" else _hull(mass, _profile(form, size, given, place), size)
-    least, most = DENSITIES[shape.body]
-    if not least <= (density := mass / shape.volume) <= most:
+    if not LEAST_DENSITY <= (density := mass / shape.volume) <= MOST_DENSITY:
         about = " x ".join(f"{one:.3g}" for one in shape.size)
         raise InputError(
             f"{place}, mass",
             found=f"{mass:g} kg in {shape.volume:.3g} m^3, {about} m: {density:.4g} kg/m^3",
-            expected=f"a density of {least:g} to {most:g} kg/m^3, which vehicles have",
+            expected=f"a density of {LEAST_DENSITY:g} to {MOST_DENSITY:g} kg/m^3, which vehicles have",
             remedy="check the lengths and the mass, and their units",
         )
     return shape
