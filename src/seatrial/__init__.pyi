@@ -36,6 +36,8 @@ from seatrial.design.trial_design import make_design_problem as make_design_prob
 from seatrial.estimation.diagnostics.error_budget import ErrorBudget as ErrorBudget
 from seatrial.estimation.diagnostics.error_budget import error_budget as error_budget
 from seatrial.estimation.diagnostics.error_sources import StatedErrors as StatedErrors
+from seatrial.estimation.posterior.configurations import ConfigurationDifference as ConfigurationDifference
+from seatrial.estimation.posterior.configurations import configuration_differences as configuration_differences
 from seatrial.estimation.posterior.mode import Mode as Mode
 from seatrial.estimation.posterior.mode import find_mode as find_mode
 from seatrial.estimation.posterior.posterior import Posterior as Posterior

@@ -14,7 +14,7 @@ from seatrial.campaign.prior.predictive import PriorPredictive
 from seatrial.campaign.store.estimates import Estimate, shortest_interval
 from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.argument_checks import check_choice, check_kind, check_names, check_numbers
-from seatrial.core.coefficients import is_coefficient
+from seatrial.core.coefficients import base_name, is_coefficient
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, nearest
 from seatrial.design.sweep import Sweep
@@ -372,7 +372,7 @@ def _shape(name: str, priors: Mapping[str, Prior] | None, result: Draws | Estima
         kind = str(row["prior_kind"].item())
         curve = row["prior_value"].values, row["prior_density"].values
         return PriorShape(lower, upper, mean, sd, kind.startswith("Log"), *curve)
-    base = name.partition("[")[0]
+    base = base_name(name)
     if priors is None or (name not in priors and base not in priors):
         return None
     prior = priors.get(name, priors.get(base))

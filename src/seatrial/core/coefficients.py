@@ -211,6 +211,17 @@ def _key(factors: tuple[Factor, ...]) -> tuple:
     return tuple(sorted((base, plain + modulus // 2 * 2, modulus % 2) for base, (plain, modulus) in powers.items()))
 
 
+def base_name(name: str) -> str:
+    """Return the name of a parameter without its configuration or its trial: `X_u` of `X_u@loaded`, `bias_u` of `bias_u[1]`."""
+    return re.split(r"[@[]", name, maxsplit=1)[0]
+
+
+def configuration_of(name: str) -> str:
+    """Return the configuration in the name of a parameter: `loaded` of `X_u@loaded`; empty without one."""
+    end = name[len(base_name(name)) :]
+    return end[1:] if end.startswith("@") else ""
+
+
 def is_coefficient(name: str) -> bool:
     """Whether a name can be read as that of a coefficient."""
     try:

@@ -6,6 +6,7 @@ A parameter is shown in the unit in which its prior is written.
 from collections.abc import Callable, Iterable, Mapping
 from math import floor, log10, pi
 
+from seatrial.core.coefficients import base_name
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ANGLE, ANGULAR_RATE, FORCE, GAUGE_CHANNELS, MOMENT, SET, SIGNALS, signal_unit
 from seatrial.core.units import to_si
@@ -60,12 +61,12 @@ def shown_as_written(written: Mapping[str, str]) -> Shown:
     """Return how parameters are shown: in the unit that was written for them, else in SI.
 
     Args:
-        written: units by the names of parameters; one of a trial alone, `X_u[1]`, is shown as `X_u` is. A unit of another dimension,
-            such as one that was written after the result was made, is left aside.
+        written: units by the names of parameters; one of a trial alone, `X_u[1]`, or of a configuration is shown as `X_u` is. A unit of
+            another dimension, such as one that was written after the result was made, is left aside.
     """
 
     def shown(name: str, unit: str) -> tuple[float, str]:
-        own = written.get(name.partition("[")[0], unit)
+        own = written.get(base_name(name), unit)
         try:
             return 1.0 / to_si(1.0, own, unit, name), own
         except InputError:

@@ -1,7 +1,8 @@
 """A record: one cleaned trial, with named channels in SI, gaps as NaN and the account of where it came from."""
 
+import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -62,6 +63,7 @@ class Record:
         channels: the controls, then the measurements, in column order.
         provenance: source, hash and options.
         label: short name, for messages and tables.
+        configuration: of the vehicle in this trial, such as `loaded`, see `in_configuration`; empty if there is only one.
     """
 
     time: Float[np.ndarray, " n"]
@@ -70,9 +72,11 @@ class Record:
     channels: tuple[Channel, ...]
     provenance: Provenance
     label: str = "trial"
+    configuration: str = ""
 
     def __repr__(self):
         lines = [f'Record "{self.label}": {self.time.size} samples over {self.time[-1] - self.time[0]:.6g} s']
+        lines += [f'configuration "{self.configuration}"'] if self.configuration else []
         for word, role in (("controls", "control"), ("measured", "measurement")):
             named = [f"{one.name} [{_SI.get(one.unit, one.unit)}]" for one in self.channels if one.role == role]
             lines += [f"{word} {', '.join(named)}"] if named else []
@@ -102,6 +106,17 @@ class Record:
         """Time from each sample to the next, s; the last is a repetition of the one before."""
         step = np.diff(self.time)
         return np.append(step, step[-1])
+
+    def in_configuration(self, name: str) -> "Record":
+        """Return the record as one of a configuration of the vehicle, such as `loaded`, in which some coefficients have another value.
+
+        Args:
+            name: of the configuration; all records with this name have the same values.
+
+        Raises:
+            InputError: a name with other characters than letters, digits, spaces and `_ . + -`.
+        """
+        return replace(self, configuration=check_configuration(name, f'record "{self.label}", configuration'))
 
     def channel(self, name: str) -> Float[np.ndarray, " n"]:
         """Return the samples of one channel, SI, shape (n,), NaN without a measurement.
@@ -169,6 +184,22 @@ def make_record(
         return np.column_stack([arrays[channel.name] for channel in group]) if group else np.empty((time.size, 0))
 
     return Record(time, stack(controls), stack(measured), controls + measured, provenance, label)
+
+
+def check_configuration(name: Any, where: str) -> str:
+    """Return the name of a configuration.
+
+    Raises:
+        InputError: no such name: its parameters are named after it, as `X_u@loaded`.
+    """
+    if not isinstance(name, str) or not re.fullmatch(r"\w[\w .+-]{0,39}", name):
+        raise InputError(
+            where,
+            found=shown(name),
+            expected="a name of at most 40 letters, digits, spaces and _ . + -, which begins with a letter or a digit",
+            remedy='write for example "loaded"',
+        )
+    return name
 
 
 def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:

@@ -26,6 +26,7 @@ def record_dataset(record: Record) -> Dataset:
         attrs={
             "format": FORMAT,
             "label": record.label,
+            "configuration": record.configuration,
             "source": provenance.source,
             "sha256": provenance.sha256,
             "options": json.dumps(provenance.options, sort_keys=True),
@@ -67,4 +68,6 @@ def read_record(path: Path) -> Record:
             expected="the content of `write_record`: time, units and role of each channel, label, source, sha256, options",
             remedy="write the file again",
         ) from cause
-    return make_record(time, columns, channels, provenance, label)
+    record = make_record(time, columns, channels, provenance, label)
+    configuration = dataset.attrs.get("configuration")
+    return record.in_configuration(configuration) if configuration else record

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 
+from seatrial.core.coefficients import base_name
 from seatrial.core.display_units import listed
 
 # Kinds of parameters that are no coefficients, by the first word of their names.
@@ -27,7 +28,7 @@ KINDS = {
 
 def other_kinds(names: Sequence[str]) -> str:
     """Return the kinds of parameters that are no coefficients: `noise and starting values`."""
-    bases = [name.partition("[")[0] for name in names]
+    bases = list(map(base_name, names))
     kinds = [
         "starting values" if base.endswith("_0") else KINDS.get(base.partition("_")[0], "other unknowns")
         for base in bases

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, base_name
 from seatrial.core.errors import InputError
 from seatrial.core.signals import GAUGE_CHANNELS, SIGNALS, is_thruster, signal_label
 from seatrial.report.numbers import typeset
@@ -70,10 +70,10 @@ def label_mathtext(label: str) -> str:
 
 def name_mathtext(name: str) -> str:
     """Return the label of a parameter for a figure, by its name alone: `sigma_u` gives `$\\sigma_{u}$`."""
-    base, bracket, run = name.partition("[")
-    head, _, of = base.partition("_")
+    base = base_name(name)
+    of_part, (head, _, of) = name[len(base) :], base.partition("_")
     label = LETTERS[head].replace("?", _label_of(of)) if head in LETTERS and of else _label_of(base)
-    return label_mathtext(label + bracket + run)
+    return label_mathtext(label + (f"[{of_part[1:]}]" if of_part.startswith("@") else of_part))
 
 
 def _label_of(name: str) -> str:

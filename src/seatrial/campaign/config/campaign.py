@@ -27,6 +27,7 @@ from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.store.stored_result import FILE_NAME
+from seatrial.core.coefficients import base_name
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ACTUAL, PROPULSION, QUATERNION
@@ -124,7 +125,7 @@ class Campaign:
 
     def where_of_prior(self, key: str) -> str:
         """Name the source of a prior such as `prior.sigma_u`, for errors: its section, or the noise that makes a usual one."""
-        name = key.removeprefix("prior.").partition("[")[0]
+        name = base_name(key.removeprefix("prior."))
         if not self.text or f"prior.{name}" in key_lines(self.text):
             return self.where(f"prior.{name}")
         kind, _, channel = name.partition("_")

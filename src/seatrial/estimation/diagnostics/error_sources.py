@@ -29,7 +29,7 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.core.argument_checks import check_number
-from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.coefficients import CoefficientName, base_name, is_coefficient
 from seatrial.core.signals import (
     ACTUAL,
     ANGLES,
@@ -469,7 +469,8 @@ def _forces(posterior: Posterior) -> list[CoefficientName]:
         texts += [f"{axis}_{one}" for one in model.controls if one.startswith(COUPLED) and (axis, one) not in driven]
         terms |= dict.fromkeys(map(CoefficientName.parse, texts))
     rivals = posterior.present is not None and posterior.dim <= FEW
-    known |= set() if rivals else {one for one in model.coefficients if one.text in posterior.present_names}
+    present = set(map(base_name, posterior.present_names))
+    known |= set() if rivals else {one for one in model.coefficients if one.text in present}
     return [one for one in terms if one not in known and one.axis in model.disturbance_axes]
 
 

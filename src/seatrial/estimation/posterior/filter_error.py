@@ -81,9 +81,9 @@ class FilterError:
         total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def labelled(self, labels: tuple[str, ...]) -> "FilterError":
-        """Return the likelihood of trials of other labels."""
-        return replace(self, output=self.output.labelled(labels))
+    def labelled(self, labels: tuple[str, ...], configurations: tuple[str, ...] | None = None) -> "FilterError":
+        """Return the likelihood of trials of other labels; see `OutputError.labelled`."""
+        return replace(self, output=self.output.labelled(labels, configurations))
 
     def _trial(self, values: dict[str, Any], trial: TrialData, start: Array) -> Any:
         control = jnp.stack(self.output.simulator.delayed(values, trial.control, trial.step), -1)
@@ -174,6 +174,7 @@ def filter_error(
     own: Sequence[str] = (),
     varying: Sequence[str] = (),
     starts_over_ground: bool = False,
+    by_configuration: Sequence[str] = (),
 ) -> tuple[FilterError, TrialData]:
     """Return the likelihood of several trials fitted jointly, and its data; arguments as `output_error` but for these.
 
@@ -190,12 +191,13 @@ def filter_error(
         own: see `output_error`.
         varying: see `output_error`.
         starts_over_ground: see `output_error`.
+        by_configuration: see `output_error`.
 
     Raises:
         InputError: as `output_error`; a sensor with a lag or with other than white noise; an initial spread that is not positive; a
             disturbance on an axis that does not move.
     """
-    options = {"delay": delay, "current": current, "own": own, "varying": varying}
+    options = {"delay": delay, "current": current, "own": own, "varying": varying, "by_configuration": by_configuration}
     output, data = output_error(model, records, sensors, initial, **options, starts_over_ground=starts_over_ground)
     for sensor in output.simulator.sensors:
         if sensor.lag or sensor.is_late or sensor.noise != "white":

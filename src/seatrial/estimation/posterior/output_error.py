@@ -8,6 +8,7 @@ Drifting: white residuals and such a process added, as a current, a bias or wave
 
 Trials fitted jointly share every parameter but those that are each trial's own (`bias_u[label]`), and those that vary about
 a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
+What differs between configurations of the vehicle, such as with and without payload, is one parameter for each: `net_weight@loaded`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -62,6 +63,8 @@ class OutputError:
         own: names of which every trial has its own, as parameters `name[label]`.
         varying: names that vary between trials, by parameters `spread_name` and `dev_name[label]`.
         starts_over_ground: whether initial speeds are over ground, so that the current is taken off them.
+        by_configuration: names of which every configuration has its own, as parameters `name@configuration`.
+        configurations: that of each trial; empty if nothing differs between them.
     """
 
     simulator: Simulator
@@ -70,6 +73,8 @@ class OutputError:
     own: tuple[str, ...] = ()
     varying: tuple[str, ...] = ()
     starts_over_ground: bool = False
+    by_configuration: tuple[str, ...] = ()
+    configurations: tuple[str, ...] = ()
     _named_after: tuple[str, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -115,13 +120,17 @@ class OutputError:
             total, _ = jax.lax.scan(add, jnp.zeros(()), trials)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def labelled(self, labels: tuple[str, ...]) -> "OutputError":
-        """Return the likelihood of trials of other labels."""
-        return replace(self, labels=labels)
+    def labelled(self, labels: tuple[str, ...], configurations: tuple[str, ...] | None = None) -> "OutputError":
+        """Return the likelihood of trials of other labels; the configuration of each remains if no others are given."""
+        return replace(
+            self, labels=labels, configurations=self.configurations if configurations is None else configurations
+        )
 
     def apart(self, values: Mapping[str, Any]) -> dict[str, Float[Array, " trials"]]:
         """Return the values that differ between trials, by name."""
         own = {name: jnp.stack([values[own_name(name, label)] for label in self.labels]) for name in self.own}
+        for name in self.by_configuration:
+            own[name] = jnp.stack([values[configuration_name(name, one)] for one in self.configurations])
         return own | {
             name: values.get(name, 0.0)
             + values[spread_name(name)] * jnp.stack([values[deviation_name(name, label)] for label in self.labels])
@@ -251,6 +260,11 @@ def own_name(name: str, label: str) -> str:
     return f"{name}[{label}]"
 
 
+def configuration_name(name: str, configuration: str) -> str:
+    """Return the parameter name of a value of one configuration. Trials share it, so that it has none of the brackets of a trial."""
+    return f"{name}@{configuration}"
+
+
 def spread_name(name: str) -> str:
     """Return the parameter name of the standard deviation by which a value varies between trials."""
     return f"spread_{name}"
@@ -284,6 +298,7 @@ def output_error(
     own: Sequence[str] = (),
     varying: Sequence[str] = (),
     starts_over_ground: bool = False,
+    by_configuration: Sequence[str] = (),
 ) -> tuple[OutputError, TrialData]:
     """Return the likelihood of several trials fitted jointly, and its data.
 
@@ -298,6 +313,7 @@ def output_error(
         own: names of which every trial has its own.
         varying: names that vary between trials about a common value.
         starts_over_ground: whether initial speeds are over ground.
+        by_configuration: names of which every configuration of the records has its own.
 
     Raises:
         InputError: a missing channel, trials of the same label, a delay with a time step that varies, a current that nothing
@@ -319,7 +335,9 @@ def output_error(
     if current:
         _check_current(model, chosen)
     simulator = Simulator(model, chosen, delay, current, late)
-    return OutputError(simulator, labels, free_initial, tuple(own), tuple(varying), starts_over_ground), data
+    configurations = tuple(record.configuration for record in records) if by_configuration else ()
+    differing = tuple(own), tuple(varying), starts_over_ground, tuple(by_configuration), configurations
+    return OutputError(simulator, labels, free_initial, *differing), data
 
 
 def _check_even(record: Record, because: str) -> None:

@@ -1,12 +1,14 @@
 """From a vehicle, records and priors to a posterior: whatever has a prior is unknown (`seatrial.estimation.posterior.unknowns`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
+from seatrial.core.coefficients import base_name
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
@@ -14,12 +16,20 @@ from seatrial.estimation.posterior.filter_error import FilterError, filter_error
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.output_error import (
     OutputError,
+    configuration_name,
     output_error,
     own_name,
     spread_name,
 )
 from seatrial.estimation.posterior.posterior import Parameter, Posterior, check_priors
-from seatrial.estimation.posterior.unknowns import Unknown, deviations, may_vary, slow_noise_priors, unknowns_of
+from seatrial.estimation.posterior.unknowns import (
+    Unknown,
+    deviations,
+    may_differ,
+    may_vary,
+    slow_noise_priors,
+    unknowns_of,
+)
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.disturbance import disturbed_axes
@@ -33,6 +43,8 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.vehicles.model import VehicleModel
 
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
+# What differs between configurations of a vehicle if nothing else is stated: weight less buoyancy, and the centre of buoyancy's height.
+BY_CONFIGURATION = ("net_weight", "z_b")
 # Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter.
 MIN_SDS_ABOVE_ZERO = 4.0
 UNSEEN_SD = 1.0  # Standard deviation of a state at the start where no sensor shows it, in its own unit
@@ -48,6 +60,7 @@ def make_posterior(
     start_sd: Mapping[str, float] | None = None,
     starts_over_ground: bool | None = None,
     own: Sequence[str] = (),
+    by_configuration: Sequence[str] | None = None,
 ) -> Posterior:
     """Build the posterior of all unknowns with a prior, given one record or several that are fitted jointly.
 
@@ -56,8 +69,9 @@ def make_posterior(
         records: trials, each with a different label.
         priors: of each unknown by name, SI: coefficients of the vehicle; `sigma_u`, `tau_u`, `dof_u`, `bias_u` and `lag_u` of a
             sensor, `share_u` of noise in proportion to the signal; `delay`, `current`, `process_u`, `disturbance_X` with
-            `disturbance_time_X`, `spread_X_u` and `u_0`. What each trial has of its own may have a separate prior, as `u_0[trial]`.
-            The slow part of a noise that drifts has usual priors where none is stated (`slow_noise_priors`).
+            `disturbance_time_X`, `spread_X_u` and `u_0`. What each trial has of its own may have a separate prior, as `u_0[trial]`,
+            and so may the value of a configuration, as `net_weight@loaded`. The slow part of a noise that drifts has usual priors
+            where none is stated (`slow_noise_priors`).
         sensors: measured channels; a name means a sensor of white noise. All channels of the first record if not given.
         start: state at the first sample, if it is known better than by its first measurement; signal name to SI value. Or the
             whole state of each record, SI, in the order of the states of the vehicle, shape (records, n_states).
@@ -66,9 +80,12 @@ def make_posterior(
         starts_over_ground: whether the surge velocity at the start is over ground; by default through the water if `start` states it,
             else over ground.
         own: unknowns with a separate value for each trial, such as `bias_u` or `current`.
+        by_configuration: unknowns of the vehicle with a separate value for each configuration of the records (`Record.in_configuration`);
+            if not given, `net_weight` and `z_b` as far as they have a prior. All others are common to the configurations.
 
     Returns:
-        a posterior with parameters named as the priors; those of one trial end in its label, as `u_0[trial]`.
+        a posterior with parameters named as the priors; those of one trial end in its label, as `u_0[trial]`, and those of one
+        configuration in its name, as `net_weight@loaded`.
 
     Raises:
         InputError: an unknown without a prior, a prior that nothing uses, a channel or control that a record lacks, or a velocity of
@@ -84,8 +101,17 @@ def make_posterior(
     priors = {**priors, **slow_noise_priors(chosen, priors)}
     own = check_names(own, "own", "bias_u")
     check_numbers(start_sd, "start_sd", known=model.states, above=0.0)
-    parameters = parameters_of(model, chosen, priors, [record.label for record in records], own)
-    stated = {name.partition("[")[0] for name in priors}
+    stated = {base_name(name) for name in priors}
+    if by_configuration is None:
+        differing = any(record.configuration for record in records)
+        by_configuration = [
+            name for name in BY_CONFIGURATION if differing and name in stated and name in may_differ(model)
+        ]
+    by_configuration = check_names(by_configuration, "by_configuration", "net_weight")
+    configurations = _configurations(model, records, by_configuration, own, stated)
+    parameters = parameters_of(
+        model, chosen, priors, [record.label for record in records], own, by_configuration, configurations
+    )
     sizes = {name: priors[name].mean if name in priors else np.nan for name in stated}
     sizes |= {noise_name(state): sd for state, sd in (start_sd or {}).items()}
     free = f"{model.states[0]}_0" in stated
@@ -101,13 +127,13 @@ def make_posterior(
         own=own,
         free_initial=free,
         starts_over_ground=starts_over_ground,
+        by_configuration=by_configuration,
     )
     guess = None
     # In surge alone draws from the prior do as well.
     if [state for state in model.states if state in RATES] != ["u"]:
-        shared = {parameter.name: parameter.prior for parameter in parameters}
-        coefficients = first_guess(model, records, starts, shared)
-        guess = np.array([coefficients.get(parameter.name, np.nan) for parameter in parameters])
+        coefficients = first_guess(model, records, starts, priors_of_guess(parameters))
+        guess = guess_of(parameters, coefficients)
     return Posterior(parameters, likelihood, data, guess)
 
 
@@ -117,6 +143,8 @@ def parameters_of(
     priors: Mapping[str, Prior],
     labels: Sequence[str],
     own: Sequence[str] = (),
+    by_configuration: Sequence[str] = (),
+    configurations: Sequence[str] = (),
 ) -> tuple[Parameter, ...]:
     """Return the parameters of a posterior: those of all trials, then deviations, then initial states.
 
@@ -126,15 +154,29 @@ def parameters_of(
         priors: see `make_posterior`.
         labels: of the trials.
         own: see `make_posterior`.
+        by_configuration: see `make_posterior`.
+        configurations: of the records, each once.
 
     Raises:
         InputError: an unknown without a prior, a prior that nothing uses or one that allows values below 0 of what has no sign.
     """
-    unknown = unknowns_of(model, sensors, {name.partition("[")[0] for name in priors})
+    unknown = unknowns_of(model, sensors, {base_name(name) for name in priors})
     each = (*own, *(one.name for one in unknown if one.is_initial))
     _check_signs(priors, unknown)
-    _check_priors(priors, unknown, own, [own_name(name, label) for label in labels for name in each])
-    return tuple(_parameters(unknown, priors, labels, own))
+    parts = [own_name(name, label) for label in labels for name in each]
+    parts += [configuration_name(name, one) for one in configurations for name in by_configuration]
+    _check_priors(priors, unknown, own, parts)
+    return tuple(_parameters(unknown, priors, labels, own, dict.fromkeys(by_configuration, configurations)))
+
+
+def priors_of_guess(parameters: Sequence[Parameter]) -> dict[str, Prior]:
+    """Return the priors by which `first_guess` judges: of a coefficient of several configurations the first."""
+    return {one.name.partition("@")[0]: one.prior for one in reversed(parameters)}
+
+
+def guess_of(parameters: Sequence[Parameter], guess: Mapping[str, float]) -> Float[np.ndarray, " d"]:
+    """Return the guess of each parameter, NaN without one: all configurations of a coefficient have the same."""
+    return np.array([guess.get(one.name.partition("@")[0], np.nan) for one in parameters])
 
 
 def starts_of(
@@ -239,7 +281,7 @@ def likelihood_of(
         values: of the parameters, SI, of which the size of a sensor's noise says how well a start is known.
         starts: state at the first sample of each trial.
         free_initial: whether the starts are parameters; a filter takes them as uncertain anyway.
-        options: `own` and `starts_over_ground` of `output_error`.
+        options: `own`, `starts_over_ground` and `by_configuration` of `output_error`.
 
     Raises:
         InputError: as `output_error` and `filter_error`.
@@ -253,15 +295,61 @@ def likelihood_of(
     return output_error(model, records, sensors, starts, free_initial=free_initial, **options)
 
 
+def _configurations(
+    model: VehicleModel,
+    records: Sequence[Record],
+    differing: Sequence[str],
+    own: Sequence[str],
+    stated: Collection[str],
+) -> tuple[str, ...]:
+    """Return the configurations of the records, each once.
+
+    Raises:
+        InputError: a record without one beside others, or names that cannot differ between them.
+    """
+    each = [record.configuration for record in records]
+    if "" in each and (any(each) or differing):
+        raise InputError(
+            f'record "{records[each.index("")].label}"',
+            found="no configuration",
+            expected="one for each record, "
+            + ("as the others have" if any(each) else "because coefficients differ by it"),
+            remedy='name it: record.in_configuration("empty")',
+        )
+    allowed = may_differ(model)
+    for name in differing:
+        if name in allowed and name not in own and spread_name(name) not in stated:
+            continue
+        twice = name in allowed
+        raise InputError(
+            "by_configuration",
+            found=f'"{name}"' + (", which differs from trial to trial as well" if twice else ""),
+            expected="unknowns of the vehicle, such as " + ", ".join(allowed),
+            remedy="leave it out of one of the two" if twice else nearest(name, allowed),
+        )
+    return tuple(dict.fromkeys(each)) if any(each) else ()
+
+
 def _parameters(
-    unknown: Sequence[Unknown], priors: Mapping[str, Prior], labels: Sequence[str], own: Sequence[str]
+    unknown: Sequence[Unknown],
+    priors: Mapping[str, Prior],
+    labels: Sequence[str],
+    own: Sequence[str],
+    configurations: Mapping[str, Sequence[str]],
 ) -> list[Parameter]:
-    """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states."""
+    """Return all parameters: one for all trials, or one for each under its label; then deviations, then initial states.
+
+    Those that differ by configuration have `configurations`.
+    """
     shared, initial = [one for one in unknown if not one.is_initial], [one for one in unknown if one.is_initial]
     result = []
     for one in shared:
         if one.name in own:
             result += [_of_trial(one, label, priors) for label in labels]
+        elif one.name in configurations:
+            for configuration in configurations[one.name]:
+                prior = priors.get(configuration_name(one.name, configuration)) or priors[one.name]
+                result.append(one.of_configuration(configuration, prior))
         else:
             result.append(one.parameter(priors[one.name]))
     names = {one.name for one in shared}
@@ -288,7 +376,7 @@ def _check_priors(
     priors: Mapping[str, Prior], unknown: Sequence[Unknown], own: Sequence[str], of_trials: Sequence[str]
 ) -> None:
     needed = {one.name: one.unit for one in unknown}
-    parts = {name: [part for part in of_trials if part.partition("[")[0] == name] for name in needed}
+    parts = {name: [part for part in of_trials if base_name(part) == name] for name in needed}
     there = {name for name, own in parts.items() if name in priors or (own and all(part in priors for part in own))}
     missing = {name: unit for name, unit in needed.items() if name not in there}
     if missing:
@@ -315,7 +403,7 @@ def _check_signs(priors: Mapping[str, Prior], unknown: Sequence[Unknown]) -> Non
     """Refuse priors that give values below 0 more than a trace of probability, of what has no sign."""
     unsigned = {one.name for one in unknown if not one.signed}
     for name, prior in priors.items():
-        if name.partition("[")[0] in unsigned and prior.bounds[0] < 0 and prior.mean < MIN_SDS_ABOVE_ZERO * prior.sd:
+        if base_name(name) in unsigned and prior.bounds[0] < 0 and prior.mean < MIN_SDS_ABOVE_ZERO * prior.sd:
             raise InputError(
                 f'priors["{name}"]',
                 found=f"{shown(prior)}, which allows values below 0",

@@ -15,11 +15,11 @@ spread_X_u               X_u differs between trials, by so much  u_0            
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, base_name
 from seatrial.core.signals import ACTUAL, signal_label, signal_unit
 from seatrial.core.usual_priors import DRIFT_TIMES
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.estimation.posterior.output_error import deviation_name, own_name, spread_name
+from seatrial.estimation.posterior.output_error import configuration_name, deviation_name, own_name, spread_name
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
 from seatrial.estimation.simulation.delayed_control import DELAY
@@ -76,6 +76,11 @@ class Unknown(NamedTuple):
     def of_trial(self, label: str, prior: Prior) -> Parameter:
         """Return the parameter of one trial."""
         return Parameter(own_name(self.name, label), self.unit, f"{self.label}[{label}]", prior)
+
+    def of_configuration(self, configuration: str, prior: Prior) -> Parameter:
+        """Return the parameter of one configuration of the vehicle."""
+        name = configuration_name(self.name, configuration)
+        return Parameter(name, self.unit, f"{self.label}[{configuration}]", prior)
 
 
 def unknowns_of(
@@ -141,7 +146,7 @@ def slow_noise_priors(sensors: Sequence[Sensor], priors: Mapping[str, Prior]) ->
         sensors: of the measured channels.
         priors: of the unknowns, those of white noise among them.
     """
-    stated, usual = {name.partition("[")[0] for name in priors}, {}
+    stated, usual = {base_name(name) for name in priors}, {}
     for sensor in sensors:
         white = priors.get(noise_name(sensor.channel))
         if sensor.noise == "drifting" and white is not None:
@@ -165,6 +170,11 @@ def noisy_states(stated: Collection[str], model: VehicleModel) -> tuple[str, ...
 def may_vary(model: VehicleModel) -> tuple[Unknown, ...]:
     """Return the unknowns that may lie about a common value in each trial: those of the vehicle that may have either sign."""
     return tuple(one for one in (*_coefficients(model), *_others(model)) if one.signed)
+
+
+def may_differ(model: VehicleModel) -> tuple[str, ...]:
+    """Return the names of the unknowns that may have a value for each configuration: all of the vehicle."""
+    return tuple(one.name for one in (*_coefficients(model), *_others(model)))
 
 
 def deviations(varying: Sequence[Unknown], labels: Sequence[str]) -> list[Parameter]:

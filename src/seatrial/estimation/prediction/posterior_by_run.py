@@ -136,6 +136,7 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
             expected="a posterior of records, of `make_posterior`",
             remedy="compute the log density of each run by your function",
         )
+    configurations = likelihood.output.configurations or ("",) * len(likelihood.labels)
     of = [name.partition("[")[2].removesuffix("]") for name in posterior.names]
     shared = np.array([i for i, label in enumerate(of) if not label], int)
     own = np.array([[i for i, other in enumerate(of) if other == label] for label in likelihood.labels], int)
@@ -146,6 +147,7 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
             label,
             np.concatenate([shared, own[run]]),
             jax.tree.map(lambda x, run=run: x[run : run + 1], posterior.data),
+            configurations[run],
         )
         for run, label in enumerate(likelihood.labels)
     ]

@@ -353,16 +353,25 @@ def record_alone(
     posterior: Posterior, record: Record, start: Mapping[str, float] | Sequence[float] | None = None
 ) -> Posterior:
     """Return the posterior of one record, fitted or not, labelled `ANY_TRIAL`; arguments as `predict`."""
-    likelihood = posterior.likelihood
+    likelihood, output = posterior.likelihood, posterior.likelihood.output
+    if output.configurations and record.configuration not in output.configurations:
+        raise InputError(
+            f'record "{record.label}"',
+            found=f'configuration "{record.configuration}"' if record.configuration else "no configuration",
+            expected="one of those that were fitted: " + ", ".join(dict.fromkeys(output.configurations)),
+            remedy=f'name it: record.in_configuration("{output.configurations[0]}"); or fit a record of it',
+        )
     own = record.label if record.label in likelihood.labels else likelihood.labels[0]
     places = np.array([i for i, name in enumerate(posterior.names) if "[" not in name or name.endswith(f"[{own}]")])
     stated = start if start is None or isinstance(start, Mapping) else [start]
-    starts = starts_of(likelihood.model, [record], stated, likelihood.output.free_initial)
+    starts = starts_of(likelihood.model, [record], stated, output.free_initial)
     data = stack_trials([record], likelihood.model, likelihood.channels, starts)
-    return of_any_trial(posterior, own, places, data)
+    return of_any_trial(posterior, own, places, data, record.configuration)
 
 
-def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"], data: TrialData) -> Posterior:
+def of_any_trial(
+    posterior: Posterior, label: str, places: Int[np.ndarray, " k"], data: TrialData, configuration: str
+) -> Posterior:
     """Return a posterior of one trial alone, labelled `ANY_TRIAL`.
 
     Args:
@@ -370,6 +379,7 @@ def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"]
         label: of the trial.
         places: of its k parameters among all.
         data: its own.
+        configuration: of the vehicle in the trial; of no effect if nothing differs between configurations.
     """
 
     def renamed(parameter: Parameter) -> Parameter:
@@ -378,7 +388,8 @@ def of_any_trial(posterior: Posterior, label: str, places: Int[np.ndarray, " k"]
 
     present = None if posterior.present is None else posterior.present[places]
     parameters = tuple(renamed(posterior.parameters[i]) for i in places)
-    return Posterior(parameters, posterior.likelihood.labelled((ANY_TRIAL,)), data, present=present)
+    configurations = (configuration,) if posterior.likelihood.output.configurations else ()
+    return Posterior(parameters, posterior.likelihood.labelled((ANY_TRIAL,), configurations), data, present=present)
 
 
 def values_of_draws(
