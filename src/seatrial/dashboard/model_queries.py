@@ -497,5 +497,5 @@ def _believed(campaign: Campaign, which: str):
     results = Results(campaign.folder)
     estimate = results.posterior(results.next_design().basis.removeprefix("the posterior of "))
     model = campaign.model(estimate.structure)
-    table = estimate.draws([term.text for term in model.coefficients])
+    table = estimate.draws([campaign.in_next_trial(term.text) for term in model.coefficients])
     return model, table[:: max(1, len(table) // 400)][:400]

@@ -24,9 +24,11 @@ from seatrial.core.argument_checks import check_choice, check_kind, check_path
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
+from seatrial.estimation.posterior.configurations import names_in
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.export.target import Statement
 from seatrial.export.vehicle import (
+    CONFIGURATION,
     FILL_FROM,
     AveragedCoefficient,
     CoefficientEstimates,
@@ -50,7 +52,7 @@ from seatrial.vehicles.tether import TETHER
 
 
 def of_campaign(
-    folder: Path | str, structure: str | None = None, rest: str | None = None
+    folder: Path | str, structure: str | None = None, rest: str | None = None, configuration: str | None = None
 ) -> tuple[ExportedVehicle, ExportProvenance]:
     """Return the vehicle that a campaign's data support.
 
@@ -58,14 +60,15 @@ def of_campaign(
         folder: of the campaign.
         structure: label of another structure than the chosen one.
         rest: published vehicle from which everything is taken that the campaign does not model.
+        configuration: of the vehicle, if coefficients differ between several.
 
     Raises:
-        InputError: results missing or made from another configuration, an unknown structure, estimates per unit of an unknown mass,
-            or a published vehicle of another mass.
+        InputError: results missing or made from another configuration, an unknown structure or configuration, estimates per unit of an
+            unknown mass, or a published vehicle of another mass.
     """
     campaign = load_campaign(folder)
-    estimate = stored_estimate(campaign, structure)
-    alone, provenance = _alone(campaign, estimate)
+    estimate = stored_estimate(campaign, structure).in_configuration(configuration, CONFIGURATION)
+    alone, provenance = _alone(campaign, estimate, configuration)
     return (
         (alone, provenance)
         if rest is None
@@ -103,7 +106,9 @@ def stored_estimate(campaign: Campaign, label: str | None = None) -> Estimate:
     return kept.read()
 
 
-def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, ExportProvenance]:
+def _alone(
+    campaign: Campaign, estimate: Estimate, configuration: str | None
+) -> tuple[ExportedVehicle, ExportProvenance]:
     """Return what the campaign itself knows."""
     hull, vehicle, structure = campaign.hull, campaign.vehicle, estimate.structure
     if isinstance(vehicle, WholeVehicle) and not vehicle.moves:
@@ -120,9 +125,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
             expected="coefficients in newtons, from a vehicle with a known mass",
             remedy="give the mass, and the inertia of axes that turn, and estimate again",
         )
-    estimated = _estimated(
-        estimate, structure, read_result(Summary, Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
-    )
+    summary = read_result(Summary, Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
+    estimated = _estimated(estimate, structure, summary, configuration)
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
     common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
@@ -167,7 +171,8 @@ def _alone(campaign: Campaign, estimate: Estimate) -> tuple[ExportedVehicle, Exp
     return result, ExportProvenance(
         estimate.key,
         campaign.name,
-        f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}",
+        f"{structure.label} ({' '.join(structure.terms)}), estimated from the motion in {moved}"
+        + (f", configuration {configuration}" if configuration else ""),
         str(estimate.data.attrs.get("seatrial_version", "")),
         tuple(term for term in campaign.full.terms if term not in structure.terms),
         tuple([", ".join(absent)] if absent else []),
@@ -267,14 +272,17 @@ def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, 
     return actuators
 
 
-def _estimated(estimate: Estimate, structure: Structure, summary: Summary) -> CoefficientEstimates:
+def _estimated(
+    estimate: Estimate, structure: Structure, summary: Summary, configuration: str | None
+) -> CoefficientEstimates:
     names = tuple(term for term in structure.terms if term in estimate.names)
     widened = np.stack([estimate.widened_draws(name) for name in names], 1) if names else np.zeros((1, 0))
     covariance = np.cov(widened.T, bias=True).reshape(len(names), len(names))
+    kept = names_in([one.name for one in summary.averaged], configuration, CONFIGURATION) if summary.averaged else {}
     averaged = tuple(
-        AveragedCoefficient(one.name, one.mean, one.sd, one.inclusion)
+        AveragedCoefficient(kept[one.name], one.mean, one.sd, one.inclusion)
         for one in summary.averaged
-        if is_coefficient(one.name)
+        if is_coefficient(kept.get(one.name, ""))
     )
     return CoefficientEstimates(
         names,
@@ -304,6 +312,7 @@ def export_to(
     draws: Draws | None = None,
     structure: str | None = None,
     rest: str | None = None,
+    configuration: str | None = None,
     **options: Any,
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle in the format of a simulator or a table.
@@ -315,6 +324,7 @@ def export_to(
         draws: of a posterior of the coefficients of a vehicle; their means replace its values.
         structure: of a campaign, label of a structure instead of the chosen one.
         rest: of a campaign, published vehicle with all coefficients that it does not model.
+        configuration: of a campaign, or of draws, in which coefficients differ between configurations of the vehicle.
         options: of the target: `engine` of `gz`; `density` of the water, kg/m^3, of simulators.
 
     Returns:
@@ -329,23 +339,25 @@ def export_to(
         check_kind(draws, Draws, "draws", "draw them with `sample`")
     if isinstance(what, PublishedVehicle):
         _refuse(what.hull.name, structure=structure, rest=rest)
-        vehicle, provenance = of_estimates(what, draws)
+        vehicle, provenance = of_estimates(what, draws, configuration)
     else:
         _refuse(str(what), draws=draws)
         place = what.folder if isinstance(what, Campaign) else check_path(what, "what")
         if place.exists():
-            vehicle, provenance = of_campaign(place, structure, rest)
+            vehicle, provenance = of_campaign(place, structure, rest, configuration)
         else:
-            _refuse(str(what), structure=structure, rest=rest)
+            _refuse(str(what), structure=structure, rest=rest, configuration=configuration)
             vehicle, provenance = of_catalogue(str(what))
     return export_vehicle(make_exporter(to, **options), vehicle, provenance, out)
 
 
-def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple[ExportedVehicle, ExportProvenance]:
-    """Return a vehicle with the means of draws in the places of its own values.
+def of_estimates(
+    vehicle: PublishedVehicle, draws: Draws | None = None, configuration: str | None = None
+) -> tuple[ExportedVehicle, ExportProvenance]:
+    """Return a vehicle with the means of draws in the places of its own values, those of one configuration where they differ.
 
     Raises:
-        InputError: draws of none of its coefficients, or forces that are no sum of named terms.
+        InputError: draws of none of its coefficients, no configuration although they differ, or forces that are no sum of named terms.
     """
     exported = of_published(vehicle.hull.name, vehicle)
     absent = [f"everything about {rate}" for rate in RATES if rate not in exported.moves] + exported.unknown_drives
@@ -353,7 +365,12 @@ def of_estimates(vehicle: PublishedVehicle, draws: Draws | None = None) -> tuple
         "own numbers", exported.name, version=__version__, absent=(", ".join(absent),) if absent else ()
     )
     if draws is None:
+        _refuse(exported.name, configuration=configuration)
         return exported, provenance
+    chosen = names_in(draws.names, configuration, "configuration")
+    at = [draws.names.index(name) for name in chosen]
+    units = tuple(draws.units[i] for i in at)
+    draws = replace(draws, z=draws.z[..., at], values=draws.values[..., at], names=tuple(chosen.values()), units=units)
     names = tuple(name for name in draws.names if name in exported.coefficients)
     if not names:
         raise InputError(

@@ -22,6 +22,7 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
 
+CONFIGURATION = "--configuration"  # The option that names the configuration of the vehicle whose values are exported
 FILL_FROM = "--fill-from"  # The option that names a published vehicle for what a campaign does not know
 # What the numbers of `CoefficientEstimates` mean, as the files say it.
 UNCERTAINTY = (

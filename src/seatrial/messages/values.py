@@ -44,8 +44,8 @@ def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = 
 
 def value_lines(texts: Mapping[str, str], terms: Collection[str]) -> list[str]:
     """Return a line for each parameter: the terms of a structure, then a heading and the others."""
-    others = [name for name in texts if name not in terms]
-    lines = [f"{name:<16} {text}" for name, text in texts.items() if name in terms]
+    others = [name for name in texts if base_name(name) not in terms]
+    lines = [f"{name:<16} {text}" for name, text in texts.items() if name not in others]
     return [
         *lines,
         *([f"{other_kinds(others)}:"] if others else []),

@@ -36,7 +36,9 @@ from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.estimation.posterior.unknowns import Unknown, slow_noise_priors, unknowns_of
+from seatrial.estimation.posterior.output_error import configuration_name
+from seatrial.estimation.posterior.record_posterior import BY_CONFIGURATION
+from seatrial.estimation.posterior.unknowns import Unknown, may_differ, slow_noise_priors, unknowns_of
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.mounts import Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name
@@ -224,6 +226,24 @@ class Campaign:
         """Names of the unknowns of which every trial has its own."""
         biases = [bias_name(channel) for channel, one in self.sensors.items() if one.bias == "own"]
         return tuple(biases + [CURRENT] * (self.estimation.current == "own"))
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """Configurations of the vehicle in the fitted runs, each once; none if none is named."""
+        return () if self.imports is None else self.imports.configurations
+
+    def by_configuration(self, model: VehicleModel) -> tuple[str, ...]:
+        """Return the unknowns of a model that have a value for each configuration."""
+        stated = self.estimation.by_configuration
+        names = BY_CONFIGURATION if stated is None else stated
+        return tuple(name for name in may_differ(model) if name in names) if self.configurations else ()
+
+    def in_next_trial(self, term: str) -> str:
+        """Return the parameter that a coefficient is in the next trial: that of its configuration, if it differs between them."""
+        imports, chosen = self.imports, None if self.trial_design is None else self.trial_design.configuration
+        if imports is None or term not in self.by_configuration(self.model(self.full)):
+            return term
+        return configuration_name(term, chosen or imports.configuration(imports.fit[-1]))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
         """1 at the samples of each sensor, 0 between, shape (n, m)."""

@@ -19,7 +19,7 @@ from seatrial.campaign.config.vehicle_table import UNKNOWN, VehicleTable
 from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.stored_result import FILE_NAME, Store, read_result
 from seatrial.campaign.store.summary import Summary
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, base_name, configuration_of
 from seatrial.core.errors import InputError
 from seatrial.core.files import is_there
 from seatrial.core.signals import signal_unit
@@ -43,7 +43,8 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
         keys: of the file.
 
     Raises:
-        InputError: an earlier campaign that is not there or has no results, or one of another trim.
+        InputError: an earlier campaign that is not there or has no results, one of another trim, or one in which a coefficient differs
+            between configurations.
     """
     estimates: dict[str, tuple[float, float]] = {}
     where = keys.where("vehicle.priors_from")
@@ -51,6 +52,13 @@ def found_before(folder: Path, table: VehicleTable, keys: FileKeys) -> Found:
         earlier = _earlier(folder, item, where)
         if any(CoefficientName.parse(name).trim_signals for name in earlier.terms):
             _check_trim(find(folder, str(Path(item) / FILE_NAME), where), earlier.terms, table, where)
+        if differing := [n for n in earlier.found if configuration_of(n) and base_name(n) in earlier.terms]:
+            raise InputError(
+                where,
+                found=f"{item}, in which {base_name(differing[0])} differs between configurations: {', '.join(differing)}",
+                expected="a campaign with one value of each coefficient",
+                remedy="fit its records here too, or write the priors of these coefficients from its report, without priors_from",
+            )
         estimates |= {n: pair for n, pair in earlier.found.items() if n in earlier.terms or UNKNOWN.fullmatch(n)}
     return estimates
 

@@ -20,6 +20,7 @@ from seatrial.campaign.config.quantities import (
 )
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest, not_among
+from seatrial.core.record import check_configuration
 from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
@@ -98,6 +99,10 @@ class FileTable(Table):
         min_length=1,
         description="runs with this log; all if not given",
     )
+    configuration: str | None = Field(
+        default=None,
+        description="configuration of the vehicle in these runs, such as `loaded`: `estimation.by_configuration` names what differs",
+    )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
         default="as_stamped", description="keep the stamps, spread them evenly, or drop rows with a repeated stamp"
     )
@@ -122,6 +127,13 @@ class FileTable(Table):
         min_length=1,
         description="names of all columns, for a text file without a header; if not given, `column_1`, `column_2`, …",
     )
+
+    @model_validator(mode="after")
+    def _check_configuration(self) -> Self:
+        if self.configuration is not None:
+            with refusing("configuration"):
+                check_configuration(self.configuration, "")
+        return self
 
     @model_validator(mode="after")
     def _check_header(self) -> Self:
@@ -208,6 +220,15 @@ class ImportTable(Table):
         """Return the logs of one run, by their places in `files`."""
         return {index: file for index, file in enumerate(self.files) if not file.runs or run in file.runs}
 
+    def configuration(self, run: str) -> str:
+        """Return the configuration of the vehicle in a run; empty if none is named."""
+        return next((file.configuration for file in self.of(run).values() if file.configuration), "")
+
+    @property
+    def configurations(self) -> tuple[str, ...]:
+        """Configurations of the fitted runs, each once, in their order; none if none is named."""
+        return tuple(dict.fromkeys(filter(None, map(self.configuration, self.fit))))
+
     def ends(self, run: str) -> dict[str, float]:
         """Return where a run starts and ends, s from where its logs overlap, as far as anything is said."""
         own = self.trim.get(run, TrimTable())
@@ -245,6 +266,40 @@ class ImportTable(Table):
                     f'add "{run}" to `runs` of its logs, or leave `runs` out of logs that every run has',
                     key="files",
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _check_configurations(self) -> Self:
+        for run in self.runs:
+            (first, *others) = {
+                one.configuration: index for index, one in self.of(run).items() if one.configuration
+            } or {"": 0}
+            if others:
+                raise refused(
+                    f'run "{run}", whose logs name the configurations "{first}" and "{others[0]}"',
+                    "one configuration for each run",
+                    "correct one of them",
+                    key="files",
+                )
+            if self.configurations and first not in self.configurations:
+                raise refused(
+                    f'run "{run}" '
+                    + (
+                        f'of the configuration "{first}", which no fitted run has'
+                        if first
+                        else "without a configuration"
+                    ),
+                    "one of those of the fitted runs: " + ", ".join(self.configurations),
+                    "write configuration = … under [[import.files]] of this run; a log for each configuration needs `runs`",
+                    key="files",
+                )
+        if not self.configurations and (named := [run for run in self.predict if self.configuration(run)]):
+            raise refused(
+                f'run "{named[0]}", which is only predicted, of a configuration that no fitted run has',
+                "configurations of fitted runs",
+                "name those of the fitted runs too, or remove it",
+                key="files",
+            )
         return self
 
     @model_validator(mode="after")

@@ -24,9 +24,11 @@ from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, located, not_among
+from seatrial.core.errors import InputError, located, nearest, not_among
 from seatrial.core.signals import ANGLES, BATTERY, PROPULSION, QUATERNION, is_thruster, signal_unit, thruster_controls
-from seatrial.estimation.posterior.unknowns import may_vary, unknowns_of
+from seatrial.estimation.posterior.output_error import configuration_name
+from seatrial.estimation.posterior.record_posterior import BY_CONFIGURATION
+from seatrial.estimation.posterior.unknowns import may_differ, may_vary, unknowns_of
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.messages.catalogue import entry_of
 from seatrial.selection.structures import Structure
@@ -97,6 +99,8 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     mounts = read_mounts(file.mounts, sensors, file.prior, keys)
     estimation = file.estimation
     _check_estimation(estimation, keys, units, model, sensors)
+    configurations = () if file.imported is None else file.imported.configurations
+    _check_configurations(file, keys, configurations, model)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
     with located(keys.where("sensors, residuals")):
         models = sensor_models(sensors, mounts, estimation.residuals)
@@ -104,7 +108,9 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     assumed = assumed_unknowns(estimation, model, tables)
     unknown = unknowns_of(model, models, assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
-    priors = read_priors(tables, keys, units, unknown, rules.never, inertia)
+    differing = [name for name in estimation.by_configuration or BY_CONFIGURATION if name in may_differ(model)]
+    parts = [configuration_name(name, one) for name in differing for one in configurations]
+    priors = read_priors(tables, keys, units, unknown, rules.never, inertia, parts)
     _check_gains(priors, model, keys)
     for name in estimation.start_values:
         if name not in priors:
@@ -265,6 +271,48 @@ def _check_estimation(
             found='"estimated" with the attitude as a quaternion that no sensor shows',
             expected="a measured attitude, or one of independent numbers",
             remedy='add [sensors.attitude], or set vehicle.attitude = "euler" or initial = "measured"',
+        )
+
+
+def _check_configurations(
+    file: CampaignFile, keys: FileKeys, configurations: Collection[str], model: VehicleModel
+) -> None:
+    """Check what differs between configurations of the vehicle, and what cannot be done with it."""
+    table, allowed = file.estimation, may_differ(model)
+    where = keys.where("estimation.by_configuration")
+    if table.by_configuration and not configurations:
+        raise InputError(
+            where,
+            found=", ".join(table.by_configuration) + ", and no run with a configuration",
+            expected="a configuration of each run",
+            remedy='write configuration = "loaded" under its [[import.files]], or remove it',
+        )
+    for name in table.by_configuration or ():
+        if name not in allowed:
+            raise not_among(
+                where, name, allowed, found=f'"{name}", which is no coefficient and no unknown of the vehicle'
+            )
+        if name in table.varying:
+            raise InputError(
+                where,
+                found=f'"{name}", which estimation.varying names too',
+                expected="differences between configurations, or between trials",
+                remedy="remove it from one of the two",
+            )
+        if file.goal is not None and name in file.goal.sd:
+            raise InputError(
+                keys.where(f"goal.sd.{name}"),
+                found=f"a goal of {name}, which has a value for each configuration",
+                expected="a goal of a coefficient that all configurations share",
+                remedy=f"remove it, or take {name} out of estimation.by_configuration",
+            )
+    chosen = None if file.design is None else file.design.configuration
+    if chosen is not None and chosen not in configurations:
+        raise InputError(
+            keys.where("design.configuration"),
+            found=f'"{chosen}"',
+            expected="that of a fitted run: " + (", ".join(configurations) or "none of them names one"),
+            remedy=nearest(chosen, configurations) if configurations else "remove it",
         )
 
 

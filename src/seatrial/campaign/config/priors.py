@@ -10,7 +10,7 @@ from seatrial.campaign.config.campaign import no_prior
 from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.campaign.config.toml import FileKeys
-from seatrial.core.coefficients import AXES, CoefficientName
+from seatrial.core.coefficients import AXES, CoefficientName, base_name
 from seatrial.core.display_units import listed
 from seatrial.core.errors import InputError, located, nearest
 from seatrial.core.units import to_si
@@ -78,6 +78,7 @@ def read_priors(
     unknown: Sequence[Unknown],
     never: Sequence[str],
     inertia: float,
+    parts: Sequence[str] = (),
 ) -> dict[str, Prior]:
     """Read every prior that something uses.
 
@@ -88,6 +89,7 @@ def read_priors(
         unknown: what is estimated beside them.
         never: terms that the rules leave out; their priors are not read.
         inertia: see `read_prior`.
+        parts: names of one configuration, such as `X_u@loaded`, which may have a prior instead of that of `X_u`.
 
     Raises:
         InputError: a prior that is missing, that nothing uses, or that is none; a support below 0 of what has no sign.
@@ -96,12 +98,14 @@ def read_priors(
         raise no_prior(keys.where, missing, [other for other in tables if other not in units])
     if needed := [one for one in unknown if one.default is None and one.name not in tables]:
         raise no_unknown_prior(keys.where, needed)
+    every = {**units, **{one.name: one.unit for one in unknown}}
+    every |= {name: every[base_name(name)] for name in parts if base_name(name) in every}
     priors = {
-        name: read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=name, inertia=inertia)
-        for name, unit in (*units.items(), *((one.name, one.unit) for one in unknown))
+        name: read_prior(tables[name], unit, keys.where(f"prior.{name}"), name=base_name(name), inertia=inertia)
+        for name, unit in every.items()
         if name in tables
     }
-    _check_used(tables, keys, (*units, *never), [one.name for one in unknown])
+    _check_used(tables, keys, (*units, *never), [*(one.name for one in unknown), *parts])
     if "delay" in priors and not isinstance(priors["delay"], Uniform):
         raise InputError(
             keys.where("prior.delay"),
@@ -117,10 +121,11 @@ def read_priors(
                 expected=f"a prior of the lag of the sensor, from 0 s to {MAX_LATENESS:g} s at most",
                 remedy='for example distribution = "uniform", lower = 0.0 and upper = 0.5',
             )
-    for one in unknown:
-        if not one.signed and one.name in priors and priors[one.name].bounds[0] < 0:
+    unsigned = [one.name for one in unknown if not one.signed]
+    for name, prior in priors.items():
+        if base_name(name) in unsigned and prior.bounds[0] < 0:
             raise InputError(
-                keys.where(f"prior.{one.name}"),
+                keys.where(f"prior.{name}"),
                 found="a support that reaches below 0",
                 expected="a prior from 0 up",
                 remedy="give lower = 0 and upper, or a half-normal or log-uniform prior",

@@ -183,6 +183,7 @@ class EstimationTable(Table):
     | | and `[prior.disturbance_time_X]`, its correlation time |
     | `current` | `[prior.current]` |
     | `varying = ["X_u"]` | `[prior.spread_X_u]`, the standard deviation of X_u between trials |
+    | `by_configuration = ["X_u"]` | `[prior.X_u]`, of every configuration; or a separate one, `[prior."X_u@loaded"]` |
     """
 
     likelihood: Literal["output-error", "filter-error"] = Field(
@@ -204,6 +205,11 @@ class EstimationTable(Table):
         description="values from which the search for the posterior mode begins too, by name; the search keeps the highest mode, and no "
         "prior changes",
         json_schema_extra={"unit": "SI"},
+    )
+    by_configuration: Several[str] | None = Field(
+        default=None,
+        description="coefficients and other unknowns of the vehicle with a value for each configuration of the runs; if not given, "
+        "`net_weight` and `z_b` if they have a prior",
     )
     inertia_error: StatedShare = Field(
         default=0.05,

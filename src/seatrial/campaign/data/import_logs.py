@@ -155,7 +155,9 @@ def _import_run(campaign: Campaign, imports: ImportTable, run: str) -> tuple[Rec
     def read_files() -> Record:
         with located(campaign.where("import")):
             record = _with_late_end(imports, run, _joined(campaign, imports, run))
-        return with_rebuilt_controls(campaign, record)
+        record = with_rebuilt_controls(campaign, record)
+        configuration = imports.configuration(run)
+        return record.in_configuration(configuration) if configuration else record
 
     return kept.read_or_make(read_files), kept.key
 

@@ -37,15 +37,12 @@ class Believed:
 
 def believed_after(campaign: Campaign, drawn: Drawn) -> Believed:
     """Return what draws of a posterior, or about its mode, say of the coefficients of their structure."""
-    draws = drawn.draws([name for name in drawn.structure.terms if name in drawn.names])
+    names = [campaign.in_next_trial(term) for term in drawn.structure.terms]
+    draws = drawn.draws([name for name in names if name in drawn.names])
     belief = Gaussian(draws.mean(0), np.linalg.cholesky(covariance(draws)))
-    return Believed(drawn.structure, belief, coefficient_draws(drawn, campaign.seed))
-
-
-def coefficient_draws(drawn: Drawn, seed: int) -> Float[np.ndarray, "S k"]:
-    """Return draws of a structure's coefficients, SI, as many as designs are chosen and judged by."""
-    draws = drawn.draws([name for name in drawn.structure.terms if name in drawn.names])
-    return draws[np.random.default_rng(seed).permutation(len(draws))[: 2 * HALF]]
+    # As many draws as designs are chosen and judged by.
+    chosen = np.random.default_rng(campaign.seed).permutation(len(draws))[: 2 * HALF]
+    return Believed(drawn.structure, belief, draws[chosen])
 
 
 def design_problem(campaign: Campaign, believed: Believed | None = None) -> DesignProblem:

@@ -16,6 +16,7 @@ from seatrial.campaign.inference.posterior import widest
 from seatrial.campaign.store.estimates import HasKey
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
+from seatrial.core.coefficients import base_name
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.findings import Finding
 from seatrial.core.reporter import SILENT, Progress, Reporter
@@ -201,5 +202,7 @@ def _others(study: Study, structures: Sequence[Structure], found: Sequence[Candi
     }
     values = {}
     for structure in reversed(structures):
-        values |= {name: value for name, value in by_label[structure.label].items() if name in structure.terms}
+        values |= {
+            name: value for name, value in by_label[structure.label].items() if base_name(name) in structure.terms
+        }
     return error_models(study.campaign, widest(structures), study.records, values)

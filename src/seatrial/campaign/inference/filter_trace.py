@@ -11,6 +11,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.estimates import Estimate, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
+from seatrial.core.coefficients import base_name, configuration_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import plain
 from seatrial.core.record import Record
@@ -110,10 +111,13 @@ def filter_record(
 
 def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     model = campaign.model(estimate.structure)
-    names, d = [term.text for term in model.coefficients], len(model.states)
-    belief, scales = prior_belief(campaign.coefficient_priors(model))
+    names, d = [campaign.in_next_trial(term.text) for term in model.coefficients], len(model.states)
+    belief, scales = prior_belief([campaign.priors.get(name) or campaign.prior(base_name(name)) for name in names])
     pieces, failures = [], 0
-    for index, record in enumerate(trials.fit):
+    # What the filter knows is carried from record to record, so that all have to be of the same configuration.
+    chosen = {configuration_of(name) for name in names} - {""}
+    records = [record for record in trials.fit if not chosen or record.configuration in chosen]
+    for index, record in enumerate(records):
         _, trace = filter_record(campaign, estimate, record, belief, scales)
         belief = jax.device_get(trace.final).marginal(d)
         failures += int(trace.failures)
@@ -141,7 +145,7 @@ def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
         coords={"coefficient": names, "state_name": list(model.states), "channel": list(campaign.channels)},
         attrs={
             "failures": failures,
-            "records": json.dumps([record.label for record in trials.fit]),
+            "records": json.dumps([record.label for record in records]),
             "filter": "square-root UKF",
         },
     )

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from seatrial.campaign.config.schema import EstimationTable
-from seatrial.core.coefficients import is_coefficient
+from seatrial.core.coefficients import base_name, is_coefficient
 from seatrial.core.findings import Finding
 from seatrial.estimation.diagnostics.error_budget import (
     MIN_CONTRADICTION,
@@ -43,7 +43,7 @@ def left_out(posterior: Posterior, structure: Structure, budget: ErrorBudget) ->
         structure: which terms.
         budget: of its errors.
     """
-    at = [i for i, name in enumerate(budget.names) if name in structure.terms]
+    at = [i for i, name in enumerate(budget.names) if base_name(name) in structure.terms]
     missing = []
     for one in budget.omitted:
         worst = max(at, key=lambda i: abs(one.shift[i]))

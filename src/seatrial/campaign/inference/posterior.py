@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
+from seatrial.core.coefficients import base_name, configuration_of
 from seatrial.core.errors import InputError, located, too_few
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
@@ -13,7 +14,13 @@ from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.output_error import OutputError, initial_name
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
-from seatrial.estimation.posterior.record_posterior import likelihood_of, make_posterior, parameters_of
+from seatrial.estimation.posterior.record_posterior import (
+    guess_of,
+    likelihood_of,
+    make_posterior,
+    parameters_of,
+    priors_of_guess,
+)
 from seatrial.estimation.priors import Normal, Prior
 from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.starts import first_measured, level_start
@@ -50,6 +57,7 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
             start_sd={state: first_sd(campaign.noise, state) for state in model.states},
             starts_over_ground=campaign.estimation.initial != "trim",
             own=campaign.own,
+            by_configuration=campaign.by_configuration(model),
         )
     return replace(posterior, parameters=parameters)
 
@@ -84,11 +92,10 @@ def narrow_posterior(campaign: Campaign, wide: Posterior, structure: Structure, 
         return build_posterior(campaign, structure, records)
     guess = wide.guess
     if guess is not None:
-        priors = {parameter.name: parameter.prior for parameter in wide.parameters}
         terms, common = tuple(term.text for term in model.coefficients), wide.likelihood.model
         starts = [initial_state(campaign, common, record) for record in records]
-        coefficients = first_guess(common, records, starts, priors, terms)
-        guess = np.array([coefficients.get(name, np.nan) for name in wide.names])
+        coefficients = first_guess(common, records, starts, priors_of_guess(wide.parameters), terms)
+        guess = guess_of(wide.parameters, coefficients)
     return replace(wide, present=np.array([float(name in names) for name in wide.names]), guess=guess)
 
 
@@ -120,7 +127,9 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     """Coefficients and nuisances with their priors, those of each trial under its label."""
     labels = [record.label for record in records]
     priors = _priors(campaign, model, records)
-    parameters = parameters_of(model, campaign.sensor_models, priors, labels, campaign.own)
+    configurations = tuple(dict.fromkeys(record.configuration for record in records))
+    differing = campaign.by_configuration(model), configurations
+    parameters = parameters_of(model, campaign.sensor_models, priors, labels, campaign.own, *differing)
     return tuple(replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters)
 
 
@@ -144,6 +153,7 @@ def build_likelihood(
             values,
             starts,
             own=campaign.own,
+            by_configuration=campaign.by_configuration(model),
             free_initial=campaign.estimation.free_initial,
             starts_over_ground=campaign.estimation.initial != "trim",
         )
@@ -189,6 +199,13 @@ def _priors(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) 
     """Return the prior of every unknown by name, SI; that of an initial state lies about the start of its own trial."""
     priors = {term.text: campaign.prior(term.text) for term in model.coefficients}
     priors |= {unknown.name: prior for unknown, prior in campaign.other_unknowns(model)}
+    named = {record.configuration for record in records}
+    differing = campaign.by_configuration(model)
+    priors |= {
+        name: prior
+        for name, prior in campaign.priors.items()
+        if configuration_of(name) in named and base_name(name) in differing
+    }
     for record in records if campaign.estimation.free_initial else ():
         for state, value in zip(model.states, initial_state(campaign, model, record), strict=True):
             if not state.endswith(ACTUAL):
@@ -200,7 +217,7 @@ def _priors(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) 
 def _check_widths(parameters: Sequence[Parameter], name_key: Callable[[str], str]) -> None:
     for parameter in parameters:
         mean, sd = float(parameter.prior.mean), float(parameter.prior.sd)
-        where = name_key(f"prior.{parameter.name.split('[')[0]}")
+        where = name_key(f"prior.{base_name(parameter.name)}")
         if not sd < WIDEST:
             raise InputError(
                 where,

@@ -40,7 +40,7 @@ from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
-from seatrial.core.errors import NumericalError
+from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
 from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
@@ -215,8 +215,16 @@ def regressions(campaign: Campaign, trials: Trials, window: float | None = None)
         window: smooth speeds over so many seconds; None for accelerations as measured, or `WINDOW` where none are.
 
     Raises:
-        InputError: a model that is not linear in its coefficients, an uneven step, or too few samples.
+        InputError: a model that is not linear in its coefficients, an uneven step, too few samples, or coefficients that differ between
+            configurations.
     """
+    if differing := campaign.by_configuration(campaign.model(campaign.full)):
+        raise InputError(
+            campaign.where("estimation.by_configuration"),
+            found=f"{', '.join(differing)}, which a regression of accelerations takes as common to all records",
+            expected="coefficients that all configurations share",
+            remedy="use `seatrial estimate --by mode`, or set by_configuration = []",
+        )
     measured = window is None and "udot" in campaign.channels
     width = WINDOW if window is None else window
     return [_regression(campaign, structure, trials, None if measured else width) for structure in campaign.structures]

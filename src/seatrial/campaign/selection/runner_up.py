@@ -23,6 +23,7 @@ from seatrial.core.reporter import SILENT, Reporter
 from seatrial.core.signals import GAUGE_CHANNELS, RATES
 from seatrial.design.sweep import Sweep, in_blocks
 from seatrial.estimation.posterior.output_error import OutputError
+from seatrial.estimation.posterior.unknowns import may_differ
 from seatrial.estimation.prediction.prediction import noise_sd, slow_noise
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import Simulator
@@ -164,8 +165,8 @@ def _speeds(
     designed = sweep.family.time(), _applied(campaign, estimate, controls, estimate.structure)[0]
     absent = np.zeros(len(trim))
     for one, start, time, control in [*runs, (values, trim, *designed)]:
-        params = {term.text: np.asarray(one.get(term.text, absent)) for term in model.coefficients}
-        params |= {unknown.name: np.asarray(one[unknown.name]) for unknown in model.unknowns}
+        next_one = {name: one.get(name, one.get(campaign.in_next_trial(name), absent)) for name in may_differ(model)}
+        params = {name: np.asarray(value) for name, value in next_one.items()}
         delay = np.asarray(one["delay"]) if campaign.has_delay else None
         step = np.append(np.diff(time), 0.0)
         speed, lost = speeds(model, channels, params, delay, start, control, step, range(time.size))
@@ -182,7 +183,7 @@ def _applied(campaign: Campaign, estimate: Estimate, commands: np.ndarray, struc
     """Return the controls under some designs, as an autopilot makes them for the posterior mean; terms that it has not are 0."""
     model = campaign.model(structure)
     mean = dict(zip(estimate.names, estimate.draws().mean(0), strict=True))
-    values = np.array([mean.get(term.text, 0.0) for term in model.coefficients])
+    values = np.array([mean.get(campaign.in_next_trial(term.text), 0.0) for term in model.coefficients])
     return applied_controls(campaign, model, values, commands)
 
 
@@ -234,7 +235,7 @@ def _nats(
     every = campaign.model(campaign.full).controls
     places = [tuple(every.index(name) for name in simulator.model.controls) for simulator in simulators]
     fit = *simulators, *places, campaign.estimation.initial != "trim"
-    values = _of_new_trial(truth, campaign.own), _of_new_trial(other, campaign.own)
+    values = _of_new_trial(campaign, truth), _of_new_trial(campaign, other)
     fixed = *values, start, np.full(time.size, step), samples, noise, np.array(memory)
     return in_blocks(lambda control: (_follow(*fit, control, *fixed),), controls)[0]
 
@@ -292,11 +293,13 @@ def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[Out
     return likelihood.output, data
 
 
-def _of_new_trial(estimate: Estimate, own: Sequence[str]) -> Mapping[str, np.ndarray]:
+def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, np.ndarray]:
     """Posterior means of what all trials share; of what each has its own, the mean over the fitted ones."""
     means = dict(zip(estimate.names, estimate.draws().mean(axis=0), strict=True))
     shared = {name: value for name, value in means.items() if "[" not in name}
-    for name in own:
+    for name in campaign.by_configuration(campaign.model(estimate.structure)):
+        shared[name] = shared[campaign.in_next_trial(name)]
+    for name in campaign.own:
         shared[name] = np.mean([value for one, value in means.items() if one.split("[")[0] == name])
     return {name: np.asarray(value) for name, value in shared.items()}
 

@@ -48,8 +48,16 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
     """Screen every structure on the fitted records; a current result is read.
 
     Raises:
-        InputError: a vehicle whose added mass is sought, velocities not measured, or records that cannot tell the terms apart.
+        InputError: a vehicle whose added mass is sought, velocities not measured, records that cannot tell the terms apart, or terms that
+            differ between configurations.
     """
+    if differing := _differing(campaign):
+        raise InputError(
+            campaign.where("estimation.by_configuration"),
+            found=f"{', '.join(differing)}, with more structures than can be simulated",
+            expected="terms that all configurations share, where structures are screened",
+            remedy="leave optional terms out, or take these out of by_configuration",
+        )
 
     def compute() -> Screened:
         progress = reporter.progress(f"screen {count_structures(campaign.rules)} structures")
@@ -68,10 +76,15 @@ def can_be_screened(campaign: Campaign) -> bool:
     One whose axes are coupled is screened where it has too many structures to simulate each.
     """
     rates = {equation.rate for equation in campaign.vehicle.equations(campaign.full)}
-    if not rates:
+    if not rates or _differing(campaign):
         return campaign.is_large
     linear = not any(term.is_added_mass for term in campaign.model(campaign.full).coefficients)
     return bool(campaign.rules.optional) and linear and rates <= set(campaign.channels)
+
+
+def _differing(campaign: Campaign) -> list[str]:
+    """Return the terms that differ between configurations, of which a regression of all records knows nothing."""
+    return [name for name in campaign.by_configuration(campaign.model(campaign.full)) if name in campaign.full.terms]
 
 
 def screening_of(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT) -> tuple[Screened | None, list[str]]:

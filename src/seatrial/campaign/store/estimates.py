@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 import numpy as np
 from pydantic import Field, computed_field
 
+from seatrial.core.coefficients import configuration_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding, Message
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.diagnostics.known import ErrorShares
+from seatrial.estimation.posterior.configurations import ConfigurationDifference, differences, names_in
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
@@ -141,6 +143,26 @@ class Estimate:
         """Draws of the named parameters, SI, all chains together, shape (n, k)."""
         chosen = self.data["draws"].sel(parameter=list(self.names if names is None else names))
         return chosen.values.reshape(-1, chosen.sizes["parameter"])
+
+    def in_configuration(self, configuration: str | None, place: str = "configuration") -> "Estimate":
+        """Return the posterior of the vehicle in one configuration; arguments and errors as `names_in`."""
+        chosen = names_in(self.names, configuration, place)
+        parts = self.data.sel(parameter=list(chosen)).variables
+        data = {name: tuple(one) for name, one in parts.items() if name not in self.data.coordinates}
+        coords = {name: tuple(one) for name, one in parts.items() if name in self.data.coordinates}
+        coords["parameter"] = ("parameter", np.array(list(chosen.values())))
+        return replace(self, data=Dataset(data, coords, self.data.attrs))
+
+    @computed_field
+    @property
+    def configuration_differences(self) -> tuple[ConfigurationDifference, ...]:
+        """What changed between configurations of the vehicle, SI. Each ± has all errors; those that act alike on both are counted twice."""
+        names = [name for name in self.names if configuration_of(name)]
+        if not names or "draws" not in self.data:
+            return ()
+        units = [str(self.data.sel(parameter=name)["unit"].values) for name in names]
+        draws = np.stack([self.widened_draws(name) for name in names], 1)
+        return differences(names, units, draws.mean(0), np.atleast_2d(np.cov(draws.T)))
 
     def interval(self, name: str) -> tuple[float, float]:
         """Shortest interval that holds 95 % of the draws of a parameter, its ends as much farther from the mean as its ± is wider, SI."""

@@ -10,6 +10,7 @@ from seatrial.campaign.store.predictions import Fit
 from seatrial.core.findings import Message
 from seatrial.design.results import BestDesign
 from seatrial.estimation.diagnostics.known import Known
+from seatrial.estimation.posterior.configurations import ConfigurationDifference
 from seatrial.estimation.prediction.baseline_comparison import Comparison
 from seatrial.estimation.prediction.fit_verdict import Pooled
 from seatrial.selection.verdict import StoredAverage, StructureRow
@@ -56,6 +57,7 @@ class Summary:
         averaged: each parameter averaged over the structures.
         quoted: whose values to quote, by `QUOTED`.
         quote: the one value to quote of each parameter.
+        configuration_differences: what changed between configurations of the vehicle.
         seatrial_version: that wrote it.
     """
 
@@ -80,4 +82,5 @@ class Summary:
     averaged: tuple[StoredAverage, ...]
     quoted: Literal["chosen", "averaged"]
     quote: tuple[StoredAverage, ...]
+    configuration_differences: tuple[ConfigurationDifference, ...] = ()
     seatrial_version: str = __version__

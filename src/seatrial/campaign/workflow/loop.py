@@ -166,6 +166,7 @@ def summarise(outcome: Outcome, of_mode: tuple[StoredAverage, ...] = ()) -> Summ
         baselines=outcome.compared,
         next_trial=NextTrial("", False, None if outcome.next is None else outcome.next.design(outcome.next.best)),
         averaged=averages,
+        configuration_differences=chosen.configuration_differences,
         quoted=selection.quoted,
         quote=of_mode or quote_rows(selection.quoted, coefficients, averages),
     )

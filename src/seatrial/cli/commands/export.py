@@ -28,6 +28,10 @@ def export(
         bool, typer.Option("--trial", help="Export the trial to run next instead of the vehicle.")
     ] = False,
     structure: Annotated[str | None, typer.Option(help="Structure instead of the chosen one, such as M-1.")] = None,
+    configuration: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Configuration of the vehicle, if coefficients differ between several."),
+    ] = None,
     rest: Annotated[
         str | None,
         typer.Option(
@@ -57,17 +61,18 @@ def export(
 
         folder = Path(what)
         if trial:
-            _only("--trial", structure=structure, fill_from=rest, engine=engine, density=density)
+            vehicle = {"structure": structure, "configuration": configuration, "fill_from": rest}
+            _only("--trial", **vehicle, engine=engine, density=density)
             return _trial(folder, to, out, schedule)
         _only("a vehicle, without --trial", schedule=schedule)
         options = {"engine": engine, "density": None if density is None else quantity(density, "kg/m^3", "--density")}
-        return _vehicle(what, to, out, structure, rest, options)
+        return _vehicle(what, to, out, {"structure": structure, "rest": rest, "configuration": configuration}, options)
 
     watched(quiet, work)
 
 
 def _vehicle(
-    what: str, to: str | None, out: Path | None, structure: str | None, rest: str | None, options: dict[str, Any]
+    what: str, to: str | None, out: Path | None, chosen: dict[str, str | None], options: dict[str, Any]
 ) -> Exit:
     from seatrial.core.errors import InputError
     from seatrial.export.from_campaign import export_to
@@ -79,10 +84,11 @@ def _vehicle(
         )
     is_folder = Path(what).exists()
     if not is_folder:
-        _only("a published vehicle", structure=structure, fill_from=rest)
+        named = {"fill_from" if name == "rest" else name: value for name, value in chosen.items()}
+        _only("a published vehicle", **named)
     here = Path(what) / "export" if is_folder else Path("export") / what
     folder = out or here / make_exporter(to, **options).name
-    statement, paths = export_to(what, to, folder, structure=structure, rest=rest, **options)
+    statement, paths = export_to(what, to, folder, **chosen, **options)
     _say(statement.lines, paths).give(target=statement.target, estimated=statement.estimated, loss=statement.loss)
     return Exit.ALARMS if statement.provenance.cautions else Exit.OK
 

@@ -232,6 +232,9 @@ def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, kno
     for name, label, mean, sd, si in item.own_values():
         factor, unit = campaign.shown(name, si)
         lines.append(f"{name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
+    for one in item.configuration_differences:
+        text = value_text(one.difference, one.difference_sd, campaign.shown(one.name, one.unit))
+        lines.append(f"change of {one.name} from {one.first} to {one.second}: {text.strip()}")
     return [*(f"  {line}" for line in (*lines, *held_back_lines(held_back))), *known_lines(known, campaign.shown)]
 
 

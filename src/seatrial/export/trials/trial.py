@@ -75,7 +75,7 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
         estimate = _estimate(campaign, control, rate)
     model = campaign.model(estimate.structure)
     names = tuple(term.text for term in model.coefficients)
-    draws = dict(zip(names, estimate.draws(names).T, strict=True))
+    draws = dict(zip(names, estimate.draws([campaign.in_next_trial(name) for name in names]).T, strict=True))
     try:
         return stick_of(model, draws, control, value, known)
     except EitherWayError as cause:

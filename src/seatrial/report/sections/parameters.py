@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from seatrial.campaign.store.estimates import StoredCoefficient
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.coefficients import CoefficientName, base_name, is_coefficient
 from seatrial.estimation.diagnostics.known import Direction, Known, KnownParameter
 from seatrial.messages.known import parts_of, verdict_of
 from seatrial.messages.render import sentence
@@ -47,7 +47,7 @@ def parameters_section(outcome: Outcome) -> dict[str, Any]:
     paired = sorted(np.argsort(-strength, kind="stable")[:MAX_PAIRS].tolist())
     several = len(known.parameters) > 1
     terms = chosen.structure.terms
-    shown = [row for row in rows if row["name"] in terms or row["flagged"]]
+    shown = [row for row in rows if base_name(row["name"]) in terms or row["flagged"]]
     # Forces by their symbols, other effects in words.
     effects = outcome.chosen.tried_effects
     forces = {word for effect in effects for word in effect.split() if is_coefficient(word)}

@@ -11,8 +11,10 @@ from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
+from seatrial.core.coefficients import base_name
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
+from seatrial.estimation.posterior.output_error import configuration_name
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
 from seatrial.messages.effects import shares_text
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
@@ -61,6 +63,7 @@ def summary_section(outcome: Outcome) -> dict[str, Any]:
         "rows": rows,
         "others": others,
         "other_kinds": other_kinds([row["name"] for row in others]),
+        "changes": _changes(outcome),
         "several": len(outcome.estimates) > 1,
         "other_head": _other_values(outcome)[0] if any(row["other"] not in ("", row["value"]) for row in rows) else "",
         "quoted": "" if outcome.own_alarms or outcome.first_answer else QUOTED[outcome.summary.quoted],
@@ -209,9 +212,29 @@ def _rows(outcome: Outcome) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]
     quote = {row.name: row for row in (*outcome.summary.averaged, *outcome.summary.quote)}
     terms, inclusion = outcome.chosen.structure.terms, outcome.selection.inclusion
     own = outcome.chosen.names
-    lacking = [name for name in quote if name not in own and inclusion.get(name, 0.0) >= RARE]
-    vehicle, others = [*(name for name in own if name in terms), *lacking], [name for name in own if name not in terms]
+    lacking = [name for name in quote if name not in own and inclusion.get(base_name(name), 0.0) >= RARE]
+    vehicle = [*(name for name in own if base_name(name) in terms), *lacking]
+    others = [name for name in own if name not in vehicle]
     return [_row(outcome, name, quote) for name in vehicle], [_row(outcome, name, quote) for name in others]
+
+
+def _changes(outcome: Outcome) -> list[dict[str, Any]]:
+    """Return a row of each coefficient that differs between configurations, and of each of its configurations but the first."""
+    rows = []
+    for one in outcome.summary.configuration_differences:
+        name = configuration_name(one.name, one.second)
+        factor, digits = factors_of(outcome)[name], digits_of(outcome)[name]
+        rows.append(
+            {
+                **unit_row(outcome, name),
+                "label": label_html(labels_of(outcome)[name].partition("[")[0]),
+                "configurations": f"{one.first} to {one.second}",
+                "before": digits.pair(factor * one.first_mean, factor * one.first_sd),
+                "after": digits.pair(factor * one.second_mean, factor * one.second_sd),
+                "change": digits.pair(factor * one.difference, factor * one.difference_sd),
+            }
+        )
+    return rows
 
 
 def _other_values(outcome: Outcome) -> tuple[str, dict[str, tuple[float, float]]]:
