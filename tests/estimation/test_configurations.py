@@ -72,9 +72,9 @@ def test_of_a_linear_motion_the_posterior_is_that_of_the_normal_equations():
     assert mode.sd[:3] == pytest.approx(sd, rel=1e-3)
     (row,) = st.configuration_differences(mode)
     assert (row.name, row.unit, row.first, row.second) == ("offset", "m/s^2", "empty", "loaded")
-    assert row.difference == pytest.approx(mean[2] - mean[1], abs=0.02 * sd.min())
-    assert row.difference_sd == pytest.approx(np.sqrt(cov[1, 1] + cov[2, 2] - 2 * cov[1, 2]), rel=1e-3)
-    assert abs(row.difference_sd / np.hypot(*sd[1:]) - 1) > 0.02, "the correlation matters"
+    assert row.change == pytest.approx(mean[2] - mean[1], abs=0.02 * sd.min())
+    assert row.sd == pytest.approx(np.sqrt(cov[1, 1] + cov[2, 2] - 2 * cov[1, 2]), rel=1e-3)
+    assert abs(row.sd / np.hypot(*sd[1:]) - 1) > 0.02, "the correlation matters"
 
 
 def test_together_a_common_coefficient_has_the_variance_that_pools_both():
@@ -198,9 +198,9 @@ def test_net_weight_and_centre_of_buoyancy_differ_by_default():
         (
             [SURGE_RECORDS[0], surge_record("x", "", 1)],
             {"by_configuration": ()},
-            'record "x".*no configuration.*as the others',
+            'record "x".*no configuration.*one of each record',
         ),
-        ([surge_record("x", "", 1)], {"by_configuration": ["X_u"]}, 'record "x".*because coefficients differ'),
+        ([surge_record("x", "", 1)], {"by_configuration": ["X_u"]}, 'record "x".*coefficients differ by it'),
         (SURGE_RECORDS, {"by_configuration": ["sigma_u"]}, 'by_configuration.*"sigma_u".*X_u, X_uabsu, T_nabsn'),
         (
             SURGE_RECORDS,

@@ -216,6 +216,11 @@ def base_name(name: str) -> str:
     return re.split(r"[@[]", name, maxsplit=1)[0]
 
 
+def configuration_name(name: str, configuration: str) -> str:
+    """Return the parameter name of a value of one configuration. Trials share it, so that it has none of the brackets of a trial."""
+    return f"{name}@{configuration}"
+
+
 def configuration_of(name: str) -> str:
     """Return the configuration in the name of a parameter: `loaded` of `X_u@loaded`; empty without one."""
     end = name[len(base_name(name)) :]

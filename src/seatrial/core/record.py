@@ -34,6 +34,7 @@ class Channel:
     role: Role
 
 
+CONFIGURATION = r"^\w[\w .+-]{0,39}$"  # Name of a configuration of the vehicle
 SIMULATED = "simulated"  # Source of a record that no log holds
 
 
@@ -108,15 +109,15 @@ class Record:
         return np.append(step, step[-1])
 
     def in_configuration(self, name: str) -> "Record":
-        """Return the record as one of a configuration of the vehicle, such as `loaded`, in which some coefficients have another value.
-
-        Args:
-            name: of the configuration; all records with this name have the same values.
+        """Return the record as one of a configuration of the vehicle, such as `loaded`; all records with this name have its values.
 
         Raises:
             InputError: a name with other characters than letters, digits, spaces and `_ . + -`.
         """
-        return replace(self, configuration=check_configuration(name, f'record "{self.label}", configuration'))
+        if not isinstance(name, str) or not re.fullmatch(CONFIGURATION, name):
+            where, expected = f'record "{self.label}", configuration', "at most 40 letters, digits, spaces and _ . + -"
+            raise InputError(where, found=shown(name), expected=expected, remedy='write for example "loaded"')
+        return replace(self, configuration=name)
 
     def channel(self, name: str) -> Float[np.ndarray, " n"]:
         """Return the samples of one channel, SI, shape (n,), NaN without a measurement.
@@ -184,22 +185,6 @@ def make_record(
         return np.column_stack([arrays[channel.name] for channel in group]) if group else np.empty((time.size, 0))
 
     return Record(time, stack(controls), stack(measured), controls + measured, provenance, label)
-
-
-def check_configuration(name: Any, where: str) -> str:
-    """Return the name of a configuration.
-
-    Raises:
-        InputError: no such name: its parameters are named after it, as `X_u@loaded`.
-    """
-    if not isinstance(name, str) or not re.fullmatch(r"\w[\w .+-]{0,39}", name):
-        raise InputError(
-            where,
-            found=shown(name),
-            expected="a name of at most 40 letters, digits, spaces and _ . + -, which begins with a letter or a digit",
-            remedy='write for example "loaded"',
-        )
-    return name
 
 
 def check_time(time: np.ndarray, where: str, first_row: int = 1) -> None:

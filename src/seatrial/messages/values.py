@@ -2,8 +2,9 @@
 
 from collections.abc import Collection, Mapping, Sequence
 
-from seatrial.core.coefficients import base_name
-from seatrial.core.display_units import listed
+from seatrial.core.coefficients import base_name, configuration_name
+from seatrial.core.display_units import listed, measured
+from seatrial.estimation.posterior.configurations import ConfigurationDifference
 
 # Kinds of parameters that are no coefficients, by the first word of their names.
 KINDS = {
@@ -40,6 +41,13 @@ def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = 
     """Return a value with its ± in the unit shown, with `factor` such units in an SI unit, and the parts of the ±."""
     factor, unit = shown
     return f"{factor * mean:>12.5g} ± {factor * sd:<10.3g} {unit:<10} {made_of}".rstrip()
+
+
+def change_text(one: ConfigurationDifference, shown: Mapping[str, tuple[float, str]]) -> str:
+    """Return what changed between two configurations; `shown` has the factor and the unit of each parameter."""
+    factor, unit = shown[configuration_name(one.name, one.second)]
+    change = measured(factor * one.change, factor * one.sd, unit)
+    return f"{one.name} changed from {one.first} to {one.second} by {change}"
 
 
 def value_lines(texts: Mapping[str, str], terms: Collection[str]) -> list[str]:

@@ -27,7 +27,7 @@ from seatrial.campaign.config.templates import EXAMPLE_VEHICLE
 from seatrial.campaign.config.toml import key_lines, key_place
 from seatrial.campaign.config.vehicle import CampaignVehicle
 from seatrial.campaign.store.stored_result import FILE_NAME
-from seatrial.core.coefficients import base_name
+from seatrial.core.coefficients import base_name, configuration_name
 from seatrial.core.display_units import Shown, shown_as_written, shown_unit
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import ACTUAL, PROPULSION, QUATERNION
@@ -36,7 +36,6 @@ from seatrial.design.prior_belief import ACTUATOR_SD
 from seatrial.design.stated_prediction import Prediction, prediction
 from seatrial.design.sweep import Trim
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.estimation.posterior.output_error import configuration_name
 from seatrial.estimation.posterior.record_posterior import BY_CONFIGURATION
 from seatrial.estimation.posterior.unknowns import Unknown, may_differ, slow_noise_priors, unknowns_of
 from seatrial.estimation.priors import Prior

@@ -20,7 +20,7 @@ from seatrial.campaign.config.quantities import (
 )
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.errors import InputError, nearest, not_among
-from seatrial.core.record import check_configuration
+from seatrial.core.record import CONFIGURATION
 from seatrial.core.signals import is_thruster, signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.body_frame import SOURCES
@@ -101,6 +101,7 @@ class FileTable(Table):
     )
     configuration: str | None = Field(
         default=None,
+        pattern=CONFIGURATION,
         description="configuration of the vehicle in these runs, such as `loaded`: `estimation.by_configuration` names what differs",
     )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
@@ -127,13 +128,6 @@ class FileTable(Table):
         min_length=1,
         description="names of all columns, for a text file without a header; if not given, `column_1`, `column_2`, …",
     )
-
-    @model_validator(mode="after")
-    def _check_configuration(self) -> Self:
-        if self.configuration is not None:
-            with refusing("configuration"):
-                check_configuration(self.configuration, "")
-        return self
 
     @model_validator(mode="after")
     def _check_header(self) -> Self:
@@ -270,36 +264,18 @@ class ImportTable(Table):
 
     @model_validator(mode="after")
     def _check_configurations(self) -> Self:
+        known = self.configurations
         for run in self.runs:
-            (first, *others) = {
-                one.configuration: index for index, one in self.of(run).items() if one.configuration
-            } or {"": 0}
-            if others:
+            named = list(dict.fromkeys(file.configuration for file in self.of(run).values() if file.configuration))
+            if len(named) > 1 or ((known or named) and not set(named) & set(known)):
                 raise refused(
-                    f'run "{run}", whose logs name the configurations "{first}" and "{others[0]}"',
-                    "one configuration for each run",
-                    "correct one of them",
+                    f'run "{run}"'
+                    + (f" of the configuration {' and '.join(named)}" if named else " without a configuration"),
+                    "for each run one configuration, which a fitted run has"
+                    + (f": {', '.join(known)}" if known else ""),
+                    "correct `configuration` of its logs; a log for each configuration needs `runs`",
                     key="files",
                 )
-            if self.configurations and first not in self.configurations:
-                raise refused(
-                    f'run "{run}" '
-                    + (
-                        f'of the configuration "{first}", which no fitted run has'
-                        if first
-                        else "without a configuration"
-                    ),
-                    "one of those of the fitted runs: " + ", ".join(self.configurations),
-                    "write configuration = … under [[import.files]] of this run; a log for each configuration needs `runs`",
-                    key="files",
-                )
-        if not self.configurations and (named := [run for run in self.predict if self.configuration(run)]):
-            raise refused(
-                f'run "{named[0]}", which is only predicted, of a configuration that no fitted run has',
-                "configurations of fitted runs",
-                "name those of the fitted runs too, or remove it",
-                key="files",
-            )
         return self
 
     @model_validator(mode="after")

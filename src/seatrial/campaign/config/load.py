@@ -22,11 +22,10 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
-from seatrial.core.coefficients import CoefficientName
+from seatrial.core.coefficients import CoefficientName, configuration_name
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, located, nearest, not_among
+from seatrial.core.errors import InputError, located, not_among
 from seatrial.core.signals import ANGLES, BATTERY, PROPULSION, QUATERNION, is_thruster, signal_unit, thruster_controls
-from seatrial.estimation.posterior.output_error import configuration_name
 from seatrial.estimation.posterior.record_posterior import BY_CONFIGURATION
 from seatrial.estimation.posterior.unknowns import may_differ, may_vary, unknowns_of
 from seatrial.estimation.simulation.simulator import CURRENT
@@ -277,42 +276,30 @@ def _check_estimation(
 def _check_configurations(
     file: CampaignFile, keys: FileKeys, configurations: Collection[str], model: VehicleModel
 ) -> None:
-    """Check what differs between configurations of the vehicle, and what cannot be done with it."""
-    table, allowed = file.estimation, may_differ(model)
-    where = keys.where("estimation.by_configuration")
-    if table.by_configuration and not configurations:
-        raise InputError(
-            where,
-            found=", ".join(table.by_configuration) + ", and no run with a configuration",
-            expected="a configuration of each run",
-            remedy='write configuration = "loaded" under its [[import.files]], or remove it',
-        )
+    """Check what differs between configurations of the vehicle, and that of the next trial."""
+    table, allowed, where = file.estimation, may_differ(model), keys.where("estimation.by_configuration")
     for name in table.by_configuration or ():
         if name not in allowed:
-            raise not_among(
-                where, name, allowed, found=f'"{name}", which is no coefficient and no unknown of the vehicle'
-            )
-        if name in table.varying:
+            reason = "no coefficient, and no unknown of the vehicle that has a prior"
+            raise not_among(where, name, allowed, found=f'"{name}", which is {reason}')
+        elsewhere = [
+            *(["estimation.varying"] if name in table.varying else []),
+            *([f"goal.sd.{name}"] if file.goal is not None and name in file.goal.sd else []),
+        ]
+        if elsewhere or not configurations:
             raise InputError(
                 where,
-                found=f'"{name}", which estimation.varying names too',
-                expected="differences between configurations, or between trials",
-                remedy="remove it from one of the two",
-            )
-        if file.goal is not None and name in file.goal.sd:
-            raise InputError(
-                keys.where(f"goal.sd.{name}"),
-                found=f"a goal of {name}, which has a value for each configuration",
-                expected="a goal of a coefficient that all configurations share",
-                remedy=f"remove it, or take {name} out of estimation.by_configuration",
+                found=f'"{name}", '
+                + (f"and the key {elsewhere[0]}" if elsewhere else "and no run with a configuration"),
+                expected="a coefficient with one value for each configuration of the runs, and no other use of it",
+                remedy="remove one of the two"
+                if elsewhere
+                else 'write configuration = "loaded" under [[import.files]]',
             )
     chosen = None if file.design is None else file.design.configuration
     if chosen is not None and chosen not in configurations:
-        raise InputError(
-            keys.where("design.configuration"),
-            found=f'"{chosen}"',
-            expected="that of a fitted run: " + (", ".join(configurations) or "none of them names one"),
-            remedy=nearest(chosen, configurations) if configurations else "remove it",
+        raise not_among(
+            keys.where("design.configuration"), chosen, configurations, found=f'"{chosen}", which no fitted run has'
         )
 
 

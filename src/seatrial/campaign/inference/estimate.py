@@ -288,6 +288,7 @@ def _estimate(
         causes=causes_of(budget, within),
         cause_findings=tuple(findings_of(posterior, budget)),
         tried_effects=tried_effects(budget),
+        configuration_differences=budget.changes(dict(zip(names, values.mean((0, 1)), strict=True)), within),
     )
 
 

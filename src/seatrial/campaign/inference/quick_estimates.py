@@ -47,6 +47,7 @@ from seatrial.core.reporter import SILENT, Reporter, run_side_by_side
 from seatrial.estimation.diagnostics.error_budget import error_budget
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.diagnostics.prior_checks import prior_contradictions
+from seatrial.estimation.posterior.configurations import ConfigurationDifference
 from seatrial.estimation.posterior.mode import Mode, draw_about
 from seatrial.estimation.posterior.posterior import Posterior, values_of
 from seatrial.estimation.regression.equation_error import (
@@ -65,7 +66,7 @@ from seatrial.estimation.simulation.sensor_errors import (
 )
 from seatrial.messages.effects import contents_text, shares_text
 from seatrial.messages.render import sentence
-from seatrial.messages.values import value_lines
+from seatrial.messages.values import change_text, value_lines
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -102,6 +103,7 @@ class FirstAnswer:
         drawn: draws about the mode, of which the next trial is designed; None if there is no mode.
         symmetry: sentences that name sides of the vehicle without a difference in the data.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
+        changes: what changed between configurations of the vehicle; none where no errors are weighed.
     """
 
     structure: Structure
@@ -119,6 +121,7 @@ class FirstAnswer:
     drawn: "NormalPosterior | None" = None
     symmetry: tuple[str, ...] = ()
     shown: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    changes: tuple[ConfigurationDifference, ...] = ()
 
     @property
     def log_weight(self) -> float:
@@ -145,7 +148,8 @@ class FirstAnswer:
             made_of = shares_text(self.shares[name], self.causes.get(name, "")) if name in self.shares else ""
             texts[name] = f"{numbers} {shown:<10} {made_of}".rstrip()
         messages += [f"  {text}" for text in (*value_lines(texts, self.structure.terms), *self.contains)]
-        lines = held_back_lines(self.held_back) if self.held_back else []
+        lines = [change_text(one, self.shown) for one in self.changes]
+        lines += held_back_lines(self.held_back) if self.held_back else []
         return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
 
@@ -280,6 +284,7 @@ def _answer(
         drawn=more,
         symmetry=symmetry_of(campaign.vehicle, more, lambda: prior_curves(posterior)),
         shown={name: campaign.shown(name, unit) for name, unit, _ in rows},
+        changes=budget.changes(mode.by_name, within) if budget else (),
     )
 
 

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 import numpy as np
 from pydantic import Field, computed_field
 
-from seatrial.core.coefficients import configuration_of
 from seatrial.core.dataset import Dataset
 from seatrial.core.findings import Finding, Message
 from seatrial.core.result_table import table_html, table_text
 from seatrial.estimation.diagnostics.known import ErrorShares
-from seatrial.estimation.posterior.configurations import ConfigurationDifference, differences, names_in
+from seatrial.estimation.posterior.configurations import ConfigurationDifference, names_in
 from seatrial.messages.render import sentences
 from seatrial.selection.structures import Structure
 
@@ -116,6 +115,7 @@ class Estimate:
         causes: the largest part of each that is not mostly noise, in words, by parameter.
         cause_findings: the causes, their coefficients and the remedies.
         tried_effects: effects that the structure may lack and that were tried, in words.
+        configuration_differences: what changed between configurations of the vehicle, with all errors.
     """
 
     structure: Structure
@@ -128,6 +128,7 @@ class Estimate:
     causes: Mapping[str, str] = field(default_factory=dict)
     cause_findings: tuple[Finding, ...] = ()
     tried_effects: tuple[str, ...] = ()
+    configuration_differences: tuple[ConfigurationDifference, ...] = ()
 
     @property
     def key(self) -> str:
@@ -152,17 +153,6 @@ class Estimate:
         coords = {name: tuple(one) for name, one in parts.items() if name in self.data.coordinates}
         coords["parameter"] = ("parameter", np.array(list(chosen.values())))
         return replace(self, data=Dataset(data, coords, self.data.attrs))
-
-    @computed_field
-    @property
-    def configuration_differences(self) -> tuple[ConfigurationDifference, ...]:
-        """What changed between configurations of the vehicle, SI. Each ± has all errors; those that act alike on both are counted twice."""
-        names = [name for name in self.names if configuration_of(name)]
-        if not names or "draws" not in self.data:
-            return ()
-        units = [str(self.data.sel(parameter=name)["unit"].values) for name in names]
-        draws = np.stack([self.widened_draws(name) for name in names], 1)
-        return differences(names, units, draws.mean(0), np.atleast_2d(np.cov(draws.T)))
 
     def interval(self, name: str) -> tuple[float, float]:
         """Shortest interval that holds 95 % of the draws of a parameter, its ends as much farther from the mean as its ± is wider, SI."""

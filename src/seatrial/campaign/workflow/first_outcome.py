@@ -93,6 +93,7 @@ def _estimate(campaign: Campaign, trials: Trials, best: FirstAnswer, others: Seq
         cautions=(*(one for one in best.cautions if one not in grave), *others),
         contains=" ".join(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in best.contains),
         causes=best.causes,
+        configuration_differences=best.changes,
     )
 
 

@@ -221,7 +221,7 @@ def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, kno
     from seatrial.campaign.inference.judge_predictions import held_back_lines
     from seatrial.messages.effects import shares_text
     from seatrial.messages.known import known_lines
-    from seatrial.messages.values import value_lines, value_text
+    from seatrial.messages.values import change_text, value_lines, value_text
 
     texts = {}
     for name in item.names:
@@ -232,9 +232,8 @@ def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, kno
     for name, label, mean, sd, si in item.own_values():
         factor, unit = campaign.shown(name, si)
         lines.append(f"{name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
-    for one in item.configuration_differences:
-        text = value_text(one.difference, one.difference_sd, campaign.shown(one.name, one.unit))
-        lines.append(f"change of {one.name} from {one.first} to {one.second}: {text.strip()}")
+    shown = {name: campaign.shown(name, str(item.data.sel(parameter=name)["unit"].values)) for name in item.names}
+    lines += [change_text(one, shown) for one in item.configuration_differences]
     return [*(f"  {line}" for line in (*lines, *held_back_lines(held_back))), *known_lines(known, campaign.shown)]
 
 

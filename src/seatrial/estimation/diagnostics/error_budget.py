@@ -31,6 +31,7 @@ from seatrial.estimation.diagnostics.error_sources import (
 )
 from seatrial.estimation.diagnostics.known import ErrorShares
 from seatrial.estimation.diagnostics.linear_model import SMOOTH, TINY, LinearModel, Member, edges_of, inside
+from seatrial.estimation.posterior.configurations import ConfigurationDifference, differences
 from seatrial.estimation.posterior.mode import MIN_LONG_SAMPLES, Mode
 from seatrial.estimation.posterior.output_error import OutputError
 from seatrial.estimation.posterior.posterior import Posterior
@@ -99,6 +100,7 @@ class ErrorBudget:
         values: at the mode, SI, shape (k,).
         within: standard deviations of the normal approximation within the model, SI, shape (k,).
         units: SI units.
+        correlation: of the parameters with all errors: one that acts alike on two of them cancels in their difference, shape (k, k).
     """
 
     names: tuple[str, ...]
@@ -114,6 +116,7 @@ class ErrorBudget:
     values: Float[np.ndarray, " k"]
     within: Float[np.ndarray, " k"]
     units: tuple[str, ...]
+    correlation: Float[np.ndarray, "k k"]
 
     def summary(self) -> "DataFrame":
         """Return a table with a row for each parameter, SI: value, standard deviation with all errors, shares of its variance, and the
@@ -147,6 +150,17 @@ class ErrorBudget:
             return within
         at = self.names.index(name)
         return max(within, min(within * float(self.ratio[at]), float(self.farthest[at])))
+
+    def changes(self, values: Mapping[str, float], within: Mapping[str, float]) -> tuple[ConfigurationDifference, ...]:
+        """Return what changed between configurations of the vehicle, with all errors.
+
+        Args:
+            values: of the parameters, SI.
+            within: their standard deviations within the model, SI.
+        """
+        sd = np.array([self.sd(name, within[name]) for name in self.names])
+        mean = np.array([values[name] for name in self.names])
+        return differences(self.names, self.units, mean, self.correlation * np.outer(sd, sd))
 
     def shares_of(self, name: str) -> ErrorShares:
         """Return the parts of the variance of a parameter; for one of a single run, noise."""
@@ -183,8 +197,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     value, within = (np.array([one[name] for name in names]) for one in (values, sds))
     at_mode = value, within, tuple(units[name] for name in names)
     shares = np.repeat(np.array([[1.0], [0.0], [0.0], [0.0]]), len(names), 1)
+    correlation = mode.covariance[np.ix_(shared, shared)] / np.outer(within, within)
     alone = ErrorBudget(
-        names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), True, farthest, *at_mode
+        names, np.ones(len(names)), shares, ((),) * len(names), (), (), {}, (), True, farthest, *at_mode, correlation
     )
     if not isinstance(posterior.likelihood, OutputError):
         return alone
@@ -212,6 +227,14 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
         added = model.added(widened, weight, at, x[place])
         shares[:, k] = _by_origin(model.sources, added)
         causes[k] = _most(model.sources, added[1:])
+    there = [k for k, place in enumerate(shared) if place in moving and np.isfinite(sd[place])]
+    rows = [moving[shared[k]] for k in there]
+    offsets = np.array([one.values[rows] for one in widened])
+    offsets -= weight @ offsets
+    joint = np.tensordot(
+        weight, [one.cov[np.ix_(rows, rows)] + np.outer(off, off) for one, off in zip(widened, offsets, strict=True)], 1
+    )
+    correlation[np.ix_(there, there)] = joint / np.sqrt(np.outer(np.diag(joint), np.diag(joint)))
     omitted = _omitted(model, members, weight, x, shared, moving, sd)
     tried = tuple(model.sources[i].effect for i in model.options)
     sensors = zip(posterior.likelihood.simulator.sensors, members[0].noise, strict=True)
@@ -221,7 +244,9 @@ def error_budget(posterior: Posterior, mode: Mode, stated: StatedErrors = Stated
     after = model.after(members[0])
     if not describes:
         ratio, shares = np.full(len(names), np.inf), np.repeat(np.array([[0.0], [0.0], [0.0], [1.0]]), len(names), 1)
-    return ErrorBudget(names, ratio, shares, tuple(causes), omitted, tried, after, slow, describes, farthest, *at_mode)
+    return ErrorBudget(
+        names, ratio, shares, tuple(causes), omitted, tried, after, slow, describes, farthest, *at_mode, correlation
+    )
 
 
 def follow_sources(

@@ -18,31 +18,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ConfigurationDifference:
-    """A value in one configuration less that in the first, SI.
+    """By how much a value changed between two configurations, SI.
 
     Attributes:
         name: of the coefficient, without a configuration.
         unit: SI.
-        first: configuration that all others are compared with, the one of the first record.
+        first: configuration with which all others are compared, the one of the first record.
         second: the other configuration.
-        first_mean: value in the first.
-        first_sd: its standard deviation.
-        second_mean: value in the second.
-        second_sd: its standard deviation.
-        difference: second less first.
-        difference_sd: standard deviation of the difference.
+        change: value in the second less that in the first.
+        sd: standard deviation of the change.
     """
 
     name: str
     unit: str
     first: str
     second: str
-    first_mean: float
-    first_sd: float
-    second_mean: float
-    second_sd: float
-    difference: float
-    difference_sd: float
+    change: float
+    sd: float
 
 
 def configuration_differences(result: "Draws | Mode") -> tuple[ConfigurationDifference, ...]:
@@ -59,8 +51,7 @@ def configuration_differences(result: "Draws | Mode") -> tuple[ConfigurationDiff
 
     check_kind(result, (Draws, Mode), "result", "give what `sample` or `find_mode` returned")
     if isinstance(result, Mode):
-        slope = result.sd / np.sqrt(np.diag(result.cov))
-        return differences(result.names, result.units, result.values, result.cov * np.outer(slope, slope))
+        return differences(result.names, result.units, result.values, result.covariance)
     table = result.array()
     return differences(result.names, result.units, table.mean(0), np.cov(table.T))
 
@@ -77,25 +68,13 @@ def differences(
         cov: their covariance, SI.
     """
     rows, first = [], {}
-    sd = np.sqrt(np.diag(cov))
     for j, full in enumerate(names):
         name, second = base_name(full), configuration_of(full)
         i = first.setdefault(name, j) if second else j
-        if i == j:
-            continue
-        row = ConfigurationDifference(
-            name,
-            units[j],
-            first=configuration_of(names[i]),
-            second=second,
-            first_mean=float(mean[i]),
-            first_sd=float(sd[i]),
-            second_mean=float(mean[j]),
-            second_sd=float(sd[j]),
-            difference=float(mean[j] - mean[i]),
-            difference_sd=float(np.sqrt(max(cov[i, i] + cov[j, j] - 2.0 * cov[i, j], 0.0))),
-        )
-        rows.append(row)
+        if i != j:
+            sd = float(np.sqrt(max(cov[i, i] + cov[j, j] - 2.0 * cov[i, j], 0.0)))
+            change = float(mean[j] - mean[i])
+            rows.append(ConfigurationDifference(name, units[j], configuration_of(names[i]), second, change, sd))
     return tuple(rows)
 
 
@@ -112,13 +91,12 @@ def names_in(names: Sequence[str], configuration: str | None, place: str) -> dic
     """
     known = tuple(dict.fromkeys(filter(None, map(configuration_of, names))))
     if (configuration or known) and configuration not in known:
-        differing = dict.fromkeys(base_name(name) for name in names if configuration_of(name))
         raise InputError(
             place,
             found="nothing" if configuration is None else f'"{configuration}"',
-            expected=f"one of {', '.join(known)}, because {', '.join(differing)} differ between them"
+            expected=f"a configuration: {', '.join(known)}"
             if known
-            else "nothing, because no value differs between configurations",
+            else "nothing, because no value differs between them",
             remedy=nearest(configuration or "", known) if known else "leave it out",
         )
     return {

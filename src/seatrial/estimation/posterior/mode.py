@@ -109,6 +109,12 @@ class Mode(NamedTuple):
         return dict(zip(self.names, map(float, self.values), strict=True))
 
     @property
+    def covariance(self) -> Float[np.ndarray, "d d"]:
+        """Covariance of `values` by the delta method, SI, shape (d, d)."""
+        slope = self.sd / np.sqrt(np.diag(self.cov))
+        return self.cov * np.outer(slope, slope)
+
+    @property
     def scale(self) -> Float[np.ndarray, "d d"]:
         """Lower triangle L of the covariance L L', also if rounding makes the covariance singular."""
         values, vectors = np.linalg.eigh(self.cov)
@@ -139,8 +145,7 @@ class Mode(NamedTuple):
         """Return the values that the normal approximation expects of the other parameters if those of some are known, SI, by name."""
         at = [i for i, name in enumerate(self.names) if name in known]
         rest = [i for i, name in enumerate(self.names) if name not in known]
-        slope = self.sd / np.sqrt(np.diag(self.cov))
-        cov = self.cov * np.outer(slope, slope)
+        cov = self.covariance
         off = np.array([known[self.names[i]] for i in at]) - self.values[at]
         values = self.values[rest] + cov[np.ix_(rest, at)] @ np.linalg.lstsq(cov[np.ix_(at, at)], off)[0]
         return dict(zip((self.names[i] for i in rest), map(float, values), strict=True))

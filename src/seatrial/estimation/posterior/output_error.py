@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from seatrial.core.coefficients import configuration_name
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.signals import QUATERNION
@@ -258,11 +259,6 @@ def initial_name(state: str, label: str) -> str:
 def own_name(name: str, label: str) -> str:
     """Return the parameter name of what is a trial's own."""
     return f"{name}[{label}]"
-
-
-def configuration_name(name: str, configuration: str) -> str:
-    """Return the parameter name of a value of one configuration. Trials share it, so that it has none of the brackets of a trial."""
-    return f"{name}@{configuration}"
 
 
 def spread_name(name: str) -> str:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from seatrial.compiled.engine import check_precision
 from seatrial.core.argument_checks import check_each_of, check_kind, check_names, check_numbers, check_sequence, shown
-from seatrial.core.coefficients import base_name
+from seatrial.core.coefficients import base_name, configuration_name
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.record import Record
 from seatrial.core.signals import RATES
@@ -16,7 +16,6 @@ from seatrial.estimation.posterior.filter_error import FilterError, filter_error
 from seatrial.estimation.posterior.first_guess import first_guess
 from seatrial.estimation.posterior.output_error import (
     OutputError,
-    configuration_name,
     output_error,
     own_name,
     spread_name,
@@ -307,27 +306,23 @@ def _configurations(
     Raises:
         InputError: a record without one beside others, or names that cannot differ between them.
     """
-    each = [record.configuration for record in records]
+    each, allowed = [record.configuration for record in records], may_differ(model)
     if "" in each and (any(each) or differing):
         raise InputError(
             f'record "{records[each.index("")].label}"',
             found="no configuration",
-            expected="one for each record, "
-            + ("as the others have" if any(each) else "because coefficients differ by it"),
+            expected="one of each record, if others have one or coefficients differ by it",
             remedy='name it: record.in_configuration("empty")',
         )
-    allowed = may_differ(model)
     for name in differing:
-        if name in allowed and name not in own and spread_name(name) not in stated:
-            continue
-        twice = name in allowed
-        raise InputError(
-            "by_configuration",
-            found=f'"{name}"' + (", which differs from trial to trial as well" if twice else ""),
-            expected="unknowns of the vehicle, such as " + ", ".join(allowed),
-            remedy="leave it out of one of the two" if twice else nearest(name, allowed),
-        )
-    return tuple(dict.fromkeys(each)) if any(each) else ()
+        if name in own or spread_name(name) in stated or name not in allowed:
+            raise InputError(
+                "by_configuration",
+                found=f'"{name}"' + (", which differs from trial to trial as well" if name in allowed else ""),
+                expected="unknowns of the vehicle that trials share, of " + ", ".join(allowed),
+                remedy="leave it out of one of the two" if name in allowed else nearest(name, allowed),
+            )
+    return tuple(dict.fromkeys(filter(None, each)))
 
 
 def _parameters(

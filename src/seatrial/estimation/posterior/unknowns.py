@@ -15,11 +15,11 @@ spread_X_u               X_u differs between trials, by so much  u_0            
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from seatrial.core.coefficients import CoefficientName, base_name
+from seatrial.core.coefficients import CoefficientName, base_name, configuration_name
 from seatrial.core.signals import ACTUAL, signal_label, signal_unit
 from seatrial.core.usual_priors import DRIFT_TIMES
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.estimation.posterior.output_error import configuration_name, deviation_name, own_name, spread_name
+from seatrial.estimation.posterior.output_error import deviation_name, own_name, spread_name
 from seatrial.estimation.posterior.posterior import Parameter
 from seatrial.estimation.priors import LogUniform, Normal, Prior, Uniform
 from seatrial.estimation.simulation.delayed_control import DELAY

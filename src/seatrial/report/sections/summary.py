@@ -11,10 +11,9 @@ from seatrial.campaign.config.taken_as_exact import taken_as_exact
 from seatrial.campaign.inference.judge_predictions import held_back_alarms
 from seatrial.campaign.workflow.next_trial import propose
 from seatrial.campaign.workflow.outcome import Outcome
-from seatrial.core.coefficients import base_name
+from seatrial.core.coefficients import base_name, configuration_name
 from seatrial.core.display_units import listed
 from seatrial.core.findings import Finding
-from seatrial.estimation.posterior.output_error import configuration_name
 from seatrial.estimation.prediction.baseline_comparison import CLEAR_RATIO
 from seatrial.messages.effects import shares_text
 from seatrial.messages.predictions import WORSE_THAN_MEAN, explained_text
@@ -224,15 +223,10 @@ def _changes(outcome: Outcome) -> list[dict[str, Any]]:
     for one in outcome.summary.configuration_differences:
         name = configuration_name(one.name, one.second)
         factor, digits = factors_of(outcome)[name], digits_of(outcome)[name]
+        label = label_html(labels_of(outcome)[name].partition("[")[0])
+        change = digits.pair(factor * one.change, factor * one.sd)
         rows.append(
-            {
-                **unit_row(outcome, name),
-                "label": label_html(labels_of(outcome)[name].partition("[")[0]),
-                "configurations": f"{one.first} to {one.second}",
-                "before": digits.pair(factor * one.first_mean, factor * one.first_sd),
-                "after": digits.pair(factor * one.second_mean, factor * one.second_sd),
-                "change": digits.pair(factor * one.difference, factor * one.difference_sd),
-            }
+            {**unit_row(outcome, name), "label": label, "pair": f"{one.first} to {one.second}", "change": change}
         )
     return rows
 
