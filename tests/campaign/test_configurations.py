@@ -73,7 +73,7 @@ def test_by_default_the_net_weight_differs(tmp_path, text, terms):
             "of the configuration loaded(.|\n)*fitted run has: empty",
         ),
         ('runs = ["b"]', 'runs = ["b", "a"]', "empty and loaded"),
-        (', "Z_wabsw"]', ', "sigma_w"]', 'by_configuration(.|\n)*"sigma_w", which is no coefficient'),
+        (', "Z_wabsw"]', ', "sigma_w"]', 'by_configuration(.|\n)*"sigma_w", which is no unknown'),
         ("by_conf", 'varying = ["Z_wabsw"]\nby_conf', "by_configuration(.|\n)*key estimation.varying"),
         ("[sensors", '[goal]\nsd = { Z_wabsw = "5 %" }\n\n[sensors', "by_configuration(.|\n)*goal.sd.Z_wabsw"),
         (

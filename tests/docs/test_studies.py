@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
 import benchmark_tables
 import calibration
 import calibration_alarms
+import configurations
 import evidence
 import false_terms
 import gpu
@@ -32,6 +33,7 @@ PAGES = {
     "term_probabilities": ("term_probabilities", "", term_probabilities.tables),
     "shortlists": ("shortlists", "", shortlists.tables),
     "shapes": ("shapes", "", shapes.tables),
+    "configurations": ("configurations", "", configurations.tables),
     "false_terms": ("false_terms", "", false_terms.tables),
     "evidence": ("evidence", "", evidence.tables),
     "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),

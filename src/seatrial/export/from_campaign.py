@@ -354,7 +354,7 @@ def export_to(
 def of_estimates(
     vehicle: PublishedVehicle, draws: Draws | None = None, configuration: str | None = None
 ) -> tuple[ExportedVehicle, ExportProvenance]:
-    """Return a vehicle with the means of draws in the places of its own values, those of one configuration where they differ.
+    """Return a vehicle with the means of draws in the places of its own values, those of one configuration if they differ.
 
     Raises:
         InputError: draws of none of its coefficients, no configuration although they differ, or forces that are no sum of named terms.

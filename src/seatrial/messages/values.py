@@ -44,7 +44,7 @@ def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = 
 
 
 def change_text(one: ConfigurationDifference, shown: Mapping[str, tuple[float, str]]) -> str:
-    """Return what changed between two configurations; `shown` has the factor and the unit of each parameter."""
+    """Return the change between two configurations; `shown` has the factor and the unit of each parameter."""
     factor, unit = shown[configuration_name(one.name, one.second)]
     change = measured(factor * one.change, factor * one.sd, unit)
     return f"{one.name} changed from {one.first} to {one.second} by {change}"

@@ -238,11 +238,10 @@ class Campaign:
         return tuple(name for name in may_differ(model) if name in names) if self.configurations else ()
 
     def in_next_trial(self, term: str) -> str:
-        """Return the parameter that a coefficient is in the next trial: that of its configuration, if it differs between them."""
-        imports, chosen = self.imports, None if self.trial_design is None else self.trial_design.configuration
-        if imports is None or term not in self.by_configuration(self.model(self.full)):
+        """Return the parameter that a coefficient is in the next trial: of the configuration of the last fitted run, if it differs."""
+        if self.imports is None or term not in self.by_configuration(self.model(self.full)):
             return term
-        return configuration_name(term, chosen or imports.configuration(imports.fit[-1]))
+        return configuration_name(term, self.imports.configuration(self.imports.fit[-1]))
 
     def measured_mask(self, time: np.ndarray) -> np.ndarray:
         """1 at the samples of each sensor, 0 between, shape (n, m)."""

@@ -162,10 +162,6 @@ class DesignTable(Table):
     probability: float = Field(
         default=0.95, gt=0.0, lt=0.99, description="required probability that the motion stays inside its limits"
     )
-    configuration: str | None = Field(
-        default=None,
-        description="configuration of the vehicle in the next trial; that of the last fitted run if not given",
-    )
     trim: OfControl | None = Field(
         default=None, description="value about which the control is driven; if not given, that of `[vehicle]`"
     )

@@ -102,7 +102,7 @@ class FileTable(Table):
     configuration: str | None = Field(
         default=None,
         pattern=CONFIGURATION,
-        description="configuration of the vehicle in these runs, such as `loaded`: `estimation.by_configuration` names what differs",
+        description="configuration of the vehicle in these runs, such as `loaded`; `estimation.by_configuration` names the differences",
     )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
         default="as_stamped", description="keep the stamps, spread them evenly, or drop rows with a repeated stamp"

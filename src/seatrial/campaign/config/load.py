@@ -107,8 +107,8 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     assumed = assumed_unknowns(estimation, model, tables)
     unknown = unknowns_of(model, models, assumed, noise)[len(units) :]
     inertia = 1.0 if vehicle.hull.mass is None else vehicle.hull.mass
-    differing = [name for name in estimation.by_configuration or BY_CONFIGURATION if name in may_differ(model)]
-    parts = [configuration_name(name, one) for name in differing for one in configurations]
+    differing = BY_CONFIGURATION if estimation.by_configuration is None else estimation.by_configuration
+    parts = [configuration_name(name, one) for name in differing if name in may_differ(model) for one in configurations]
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia, parts)
     _check_gains(priors, model, keys)
     for name in estimation.start_values:
@@ -276,31 +276,22 @@ def _check_estimation(
 def _check_configurations(
     file: CampaignFile, keys: FileKeys, configurations: Collection[str], model: VehicleModel
 ) -> None:
-    """Check what differs between configurations of the vehicle, and that of the next trial."""
-    table, allowed, where = file.estimation, may_differ(model), keys.where("estimation.by_configuration")
-    for name in table.by_configuration or ():
+    """Check the names of the coefficients that differ between configurations of the vehicle."""
+    allowed, where = may_differ(model), keys.where("estimation.by_configuration")
+    for name in file.estimation.by_configuration or ():
         if name not in allowed:
-            reason = "no coefficient, and no unknown of the vehicle that has a prior"
-            raise not_among(where, name, allowed, found=f'"{name}", which is {reason}')
-        elsewhere = [
-            *(["estimation.varying"] if name in table.varying else []),
-            *([f"goal.sd.{name}"] if file.goal is not None and name in file.goal.sd else []),
-        ]
-        if elsewhere or not configurations:
+            raise not_among(
+                where, name, allowed, found=f'"{name}", which is no unknown of the vehicle that has a prior'
+            )
+        goals = () if file.goal is None else file.goal.sd
+        twice = "estimation.varying" if name in file.estimation.varying else f"goal.sd.{name}" if name in goals else ""
+        if twice or not configurations:
             raise InputError(
                 where,
-                found=f'"{name}", '
-                + (f"and the key {elsewhere[0]}" if elsewhere else "and no run with a configuration"),
+                found=f'"{name}", ' + (f"and the key {twice}" if twice else "and no run with a configuration"),
                 expected="a coefficient with one value for each configuration of the runs, and no other use of it",
-                remedy="remove one of the two"
-                if elsewhere
-                else 'write configuration = "loaded" under [[import.files]]',
+                remedy="remove one of the two" if twice else 'write configuration = "loaded" under [[import.files]]',
             )
-    chosen = None if file.design is None else file.design.configuration
-    if chosen is not None and chosen not in configurations:
-        raise not_among(
-            keys.where("design.configuration"), chosen, configurations, found=f'"{chosen}", which no fitted run has'
-        )
 
 
 def _goal(table: GoalTable, keys: FileKeys, units: Mapping[str, str]) -> Goal:

@@ -114,7 +114,7 @@ def _traces(campaign: Campaign, estimate: Estimate, trials: Trials) -> Dataset:
     names, d = [campaign.in_next_trial(term.text) for term in model.coefficients], len(model.states)
     belief, scales = prior_belief([campaign.priors.get(name) or campaign.prior(base_name(name)) for name in names])
     pieces, failures = [], 0
-    # What the filter knows is carried from record to record, so that all have to be of the same configuration.
+    # The filter's belief is carried from record to record, so that all have to be of the same configuration.
     chosen = {configuration_of(name) for name in names} - {""}
     records = [record for record in trials.fit if not chosen or record.configuration in chosen]
     for index, record in enumerate(records):

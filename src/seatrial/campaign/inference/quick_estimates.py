@@ -103,7 +103,7 @@ class FirstAnswer:
         drawn: draws about the mode, of which the next trial is designed; None if there is no mode.
         symmetry: sentences that name sides of the vehicle without a difference in the data.
         shown: factor from SI to the unit of the table, and that unit, by name; SI of others.
-        changes: what changed between configurations of the vehicle; none where no errors are weighed.
+        changes: differences between configurations of the vehicle; none if no errors are weighed.
     """
 
     structure: Structure

@@ -55,7 +55,7 @@ def screen_terms(campaign: Campaign, trials: Trials, reporter: Reporter = SILENT
         raise InputError(
             campaign.where("estimation.by_configuration"),
             found=f"{', '.join(differing)}, with more structures than can be simulated",
-            expected="terms that all configurations share, where structures are screened",
+            expected="terms that all configurations share, because structures are screened",
             remedy="leave optional terms out, or take these out of by_configuration",
         )
 

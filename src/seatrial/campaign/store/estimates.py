@@ -115,7 +115,7 @@ class Estimate:
         causes: the largest part of each that is not mostly noise, in words, by parameter.
         cause_findings: the causes, their coefficients and the remedies.
         tried_effects: effects that the structure may lack and that were tried, in words.
-        configuration_differences: what changed between configurations of the vehicle, with all errors.
+        configuration_differences: changes between configurations of the vehicle, with all errors.
     """
 
     structure: Structure

@@ -57,7 +57,7 @@ class Summary:
         averaged: each parameter averaged over the structures.
         quoted: whose values to quote, by `QUOTED`.
         quote: the one value to quote of each parameter.
-        configuration_differences: what changed between configurations of the vehicle.
+        configuration_differences: changes between configurations of the vehicle.
         seatrial_version: that wrote it.
     """
 

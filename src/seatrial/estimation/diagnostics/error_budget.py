@@ -152,7 +152,7 @@ class ErrorBudget:
         return max(within, min(within * float(self.ratio[at]), float(self.farthest[at])))
 
     def changes(self, values: Mapping[str, float], within: Mapping[str, float]) -> tuple[ConfigurationDifference, ...]:
-        """Return what changed between configurations of the vehicle, with all errors.
+        """Return the changes between configurations of the vehicle, with all errors.
 
         Args:
             values: of the parameters, SI.

@@ -124,7 +124,7 @@ def _suspect_bounds(parameter: Parameter, value: float) -> list[tuple[float, flo
     there, back, bounds, width = scaled_bounds(parameter)
     near = [(at, sign) for at, sign in zip(bounds, (-1.0, 1.0), strict=True) if abs(there(value) - at) <= EDGE * width]
     pairs = [(float(back(at)), float(back(at + sign * 0.1 * width))) for at, sign in near]
-    size = parameter.prior.bounds[0] >= 0 and not is_coefficient(parameter.name)
+    size = parameter.prior.bounds[0] >= 0 and not is_coefficient(parameter.name.partition("@")[0])
     return [(bound, beyond) for bound, beyond in pairs if not (size and beyond <= 0)]
 
 

@@ -1,4 +1,4 @@
-"""Parameters of the configurations of a vehicle: those of one of them, and what changed between them, with its ±."""
+"""Parameters of the configurations of a vehicle: those of one of them, and the changes between them with their ±."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def configuration_differences(result: "Draws | Mode") -> tuple[ConfigurationDiff
     from seatrial.estimation.posterior.mode import Mode
     from seatrial.sampling.run import Draws  # with JAX, which readers of stored results do not need
 
-    check_kind(result, (Draws, Mode), "result", "give what `sample` or `find_mode` returned")
+    check_kind(result, (Draws, Mode), "result", "give the result of `sample` or `find_mode`")
     if isinstance(result, Mode):
         return differences(result.names, result.units, result.values, result.covariance)
     table = result.array()
@@ -87,7 +87,7 @@ def names_in(names: Sequence[str], configuration: str | None, place: str) -> dic
         place: of its name, for errors.
 
     Raises:
-        InputError: no such configuration, or none where values differ.
+        InputError: no such configuration, or none although values differ.
     """
     known = tuple(dict.fromkeys(filter(None, map(configuration_of, names))))
     if (configuration or known) and configuration not in known:

@@ -261,7 +261,7 @@ def higher_mode(posterior: Posterior, known: Mode | None, others: Sequence[Mode]
 def completed(posterior: Posterior, other: Mode) -> Float[np.ndarray, "n d"]:
     """Return where a mode of another structure lies: what it lacks at zero, what is absent here left out, and what then is expected."""
     absent = [name for name in other.names if name not in posterior.present_names]
-    values = {name: 0.0 for name in posterior.present_names if is_coefficient(name)} | other.by_name
+    values = {name: 0.0 for name in posterior.present_names if is_coefficient(name.partition("@")[0])} | other.by_name
     moved = other.expected(dict.fromkeys(absent, 0.0)) if absent else {}
     return np.concatenate([_inside(posterior, values), *([_inside(posterior, values | moved)] if moved else [])])
 

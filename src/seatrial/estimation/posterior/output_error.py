@@ -8,7 +8,7 @@ Drifting: white residuals and such a process added, as a current, a bias or wave
 
 Trials fitted jointly share every parameter but those that are each trial's own (`bias_u[label]`), and those that vary about
 a common value: `X_u` is then X_u + spread_X_u dev_X_u[label], a hierarchical model in which dev has the standard normal prior.
-What differs between configurations of the vehicle, such as with and without payload, is one parameter for each: `net_weight@loaded`.
+A value of each configuration of the vehicle, such as with and without payload, is a parameter for each: `net_weight@loaded`.
 """
 
 from collections.abc import Callable, Mapping, Sequence

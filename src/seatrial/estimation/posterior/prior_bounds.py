@@ -43,7 +43,7 @@ def bound_finding(parameter: Parameter, value: float, sd: float) -> Finding | No
     scale = abs(value) if isinstance(parameter.prior, LogUniform) else 1.0
     for at, edge in zip(bounds, parameter.prior.edges, strict=True):
         bound, off = float(back(at)), abs(float(there(value)) - float(at))
-        if not np.isfinite(edge) or (bound == 0.0 and not is_coefficient(parameter.name)):
+        if not np.isfinite(edge) or (bound == 0.0 and not is_coefficient(parameter.name.partition("@")[0])):
             continue
         if off <= (MAX_BESIDE if bound else 0.0) * width or off <= min(EDGE * width, MAX_REACH_SDS * sd / scale):
             return Finding(

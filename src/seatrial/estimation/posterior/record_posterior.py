@@ -42,7 +42,7 @@ from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.vehicles.model import VehicleModel
 
 _A_RECORD = "give one, or a list of them, of `read_log`, `make_record` or `simulate`"
-# What differs between configurations of a vehicle if nothing else is stated: weight less buoyancy, and the centre of buoyancy's height.
+# Differences between configurations of a vehicle if none are stated: weight less buoyancy, and the height of the centre of buoyancy.
 BY_CONFIGURATION = ("net_weight", "z_b")
 # Standard deviations of a prior above 0, from which its values below 0, one in thirty thousand, do not matter.
 MIN_SDS_ABOVE_ZERO = 4.0

@@ -198,7 +198,10 @@ def offsets_at_zero(draws: Mapping[str, Float[np.ndarray, " draws"]]) -> dict[st
     Args:
         draws: of each parameter by name, SI.
     """
-    constant = [name for name in draws if is_coefficient(name) and not CoefficientName.parse(name).factors]
+    terms = {name: name.partition("@")[0] for name in draws}
+    constant = [
+        name for name, term in terms.items() if is_coefficient(term) and not CoefficientName.parse(term).factors
+    ]
     near = [name for name in constant if np.prod(np.quantile(draws[name], (0.05, 0.95))) < 0]
     if not near:
         return dict(draws)
