@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.errors import InputError
 from seatrial.core.serialise import from_dataset, to_dataset
 from seatrial.estimation.posterior.configurations import ConfigurationDifference, names_in
+from seatrial.report.labels import label_html
+from seatrial.report.sections.summary import _changes
 from seatrial.selection.structures import Structure
 from tests.campaign.test_heave import CAMPAIGN as HEAVE
 from tests.campaign.test_heave import DRAG, WEIGHTS, write_heave
@@ -121,6 +124,33 @@ def test_an_estimate_in_one_configuration():
     assert chosen.names == ("X_u", "T_n", "u_0[a@b]")
     assert chosen.draws(["X_u"]).ravel() == pytest.approx(draws[..., 1].ravel())
     assert from_dataset(Estimate, to_dataset(estimate)).configuration_differences == (change,)
+
+
+def test_the_report_has_a_row_of_each_change():
+    """Of an outcome with no more than the rows need, in a unit of which 10 are one of SI."""
+    coords = {
+        "parameter": ["X_u@a", "X_u@b"],
+        "unit": ("parameter", ["kg/s"] * 2),
+        "label": ("parameter", ["X_u[a]", "X_u[b]"]),
+    }
+    data = Dataset({"mean": ("parameter", [-2.0, -3.0]), "sd": ("parameter", [0.1, 0.1])}, coords=coords)
+    change = ConfigurationDifference("X_u", "kg/s", "a", "b", -1.0, 0.05)
+
+    class Outcome:
+        chosen = Estimate(Structure("M-0", ("X_u",)), data)
+        estimates = (chosen,)
+        summary = SimpleNamespace(configuration_differences=(change,))
+        campaign = SimpleNamespace(
+            shown=lambda _, unit: (10.0, unit),
+            structure=SimpleNamespace(optional=()),
+            hull=SimpleNamespace(fixed={}),
+            full=None,
+            model=lambda _: SimpleNamespace(controls=()),
+        )
+
+    (row,) = _changes(Outcome())
+    assert (row["pair"], row["unit"], row["change"]) == ("a to b", "kg/s", "−10.0 ± 0.5")
+    assert row["label"] == label_html("X_u")
 
 
 @pytest.mark.proof
