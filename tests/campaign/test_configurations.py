@@ -173,11 +173,12 @@ def test_what_changed_at_the_mode(tmp_path):
 def test_from_the_file_to_the_report(tmp_path):
     from seatrial.campaign.workflow.loop import run_loop
     from seatrial.export.from_campaign import export_to
+    from seatrial.report.page import write_report
 
     small = DIFFERING.replace("[estimation]\n", "[estimation]\nchains = 8\nwarmup = 200\ndraws = 200\n")
     small = small.replace('fit = ["a", "b", "c"]', 'fit = ["a", "b"]\npredict = ["c"]')
     campaign = write_heave(tmp_path, small)
-    run_loop(load_campaign(campaign.folder))
+    write_report(run_loop(load_campaign(campaign.folder)))
     page = (tmp_path / "report.html").read_text()
     assert "Changes between configurations" in page
     changes = json.loads((tmp_path / "results" / "summary.json").read_text())["configuration_differences"]
