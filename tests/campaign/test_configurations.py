@@ -1,7 +1,6 @@
 """Dives of one frame with and without a payload: what a campaign file says of configurations, and what is made of it."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -172,7 +171,7 @@ def test_what_changed_at_the_mode(tmp_path):
 @pytest.mark.proof
 def test_from_the_file_to_the_report(tmp_path):
     from seatrial.campaign.workflow.loop import run_loop
-    from seatrial.export.from_campaign import export_to
+    from seatrial.export.from_campaign import of_campaign
     from seatrial.report.page import write_report
 
     small = DIFFERING.replace("[estimation]\n", "[estimation]\nchains = 8\nwarmup = 200\ndraws = 200\n")
@@ -184,7 +183,7 @@ def test_from_the_file_to_the_report(tmp_path):
     changes = json.loads((tmp_path / "results" / "summary.json").read_text())["configuration_differences"]
     assert [one["name"] for one in changes] == ["Z_wabsw", "net_weight"]
     with pytest.raises(InputError, match=r"--configuration(.|\n)*empty, loaded"):
-        export_to(Path(tmp_path), "json", tmp_path / "out")
-    export_to(Path(tmp_path), "json", tmp_path / "out", configuration="loaded")
-    (written,) = (tmp_path / "out").glob("*.json")
-    assert "configuration loaded" in written.read_text()
+        of_campaign(tmp_path)
+    vehicle, provenance = of_campaign(tmp_path, configuration="loaded")
+    assert set(vehicle.coefficients) == {"Z_wabsw", "Z_wdot"}
+    assert "configuration loaded" in str(provenance)
