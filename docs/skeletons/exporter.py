@@ -1,4 +1,7 @@
-"""Skeleton of an exporter: copy to `src/seatrial/export/targets/`, and add it to `EXPORTERS`.
+"""Skeleton of an exporter: copy to `src/seatrial/export/targets/`, and add it to `EXPORTERS` of `export/write.py`.
+
+In another package, name its class in an entry point instead: in its pyproject.toml, under
+`[project.entry-points."seatrial.exporters"]`, `plain = "package.module:PlainText"`. `seatrial export DIR --to plain` then finds it.
 
 This one writes every coefficient with its unit, a line each.
 """

@@ -35,7 +35,7 @@ def test_an_extra_is_installed_from_the_checkout_or_the_wheel():
     """Each extra that a message names is one of the package, and the wheel has the name that `make dist` gives it."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     sources = "\n".join(path.read_text() for path in (ROOT / "src").rglob("*.py"))
-    assert set(re.findall(r"""install_extra\(["'](\w+)["']\)""", sources)) <= set(extras)
+    assert set(re.findall(r"""(?:install|needing)_extra\(["'](\w+)["']""", sources)) <= set(extras)
     wheel = f"dist/seatrial-{seatrial.__version__}-py3-none-any.whl[ros]"
     assert install_extra("ros") == f'in the checkout, pip install -e ".[ros]"; or with the wheel, pip install "{wheel}"'
 

@@ -1,6 +1,9 @@
 """Vehicles and random states that the tests of the exporters share, and our own forces at them."""
 
+import zipfile
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -94,10 +97,18 @@ def own_force(vehicle: ExportedVehicle, nu, phi, theta, controls):
     return (vehicle.rigid_mass + vehicle.added_mass) @ np.array([np.broadcast_to(found[r], nu[0].shape) for r in RATES])
 
 
-def written(exporter: Exporter, vehicle: ExportedVehicle) -> dict[str, str]:
+def written(exporter: Exporter, vehicle: ExportedVehicle) -> Mapping[str, str | bytes]:
     """Files without the manoeuvre, which takes a second."""
     statement = Statement(exporter.target, PROVENANCE, Carried(exporter.carries(vehicle).motion), (), "", (HOSTILE,))
     return exporter.write(vehicle, statement)
+
+
+def text_of(path: Path) -> str:
+    """What can be read in a file; of an archive in all of its members."""
+    if not zipfile.is_zipfile(path):
+        return path.read_bytes().decode(errors="replace")
+    with zipfile.ZipFile(path) as archive:
+        return "\n".join(archive.read(name).decode(errors="replace") for name in archive.namelist())
 
 
 def assert_equal(found, wanted, tolerance=1e-10):

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -11,10 +12,18 @@ from seatrial.core.errors import InputError
 from seatrial.export import manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.vehicle import of_published, rest_for
-from seatrial.export.write import EXPORTERS, carried_by, export_vehicle, loss_words, make_exporter, state
+from seatrial.export.write import (
+    EXPORTERS,
+    carried_by,
+    export_vehicle,
+    exporter_names,
+    loss_words,
+    make_exporter,
+    state,
+)
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
-from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, towing, with_terms
+from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, text_of, towing, with_terms
 
 OWN = ("json", "csv")
 
@@ -33,8 +42,8 @@ def test_conformance(name, tmp_path, monkeypatch):
     again, _ = export_vehicle(exporter, vehicle, PROVENANCE, tmp_path / "again")
     assert statement.lines == again.lines
     for path in paths:
-        text = path.read_text()
-        assert text == (tmp_path / "again" / path.name).read_text(), "the same bytes for the same vehicle"
+        text = text_of(path)
+        assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes(), "the same bytes for the same vehicle"
         for words in (
             "abc123",
             "± 0.15 kg/m",
@@ -124,6 +133,29 @@ def test_unknown_targets_and_options_are_refused():
             make_exporter("stonefish", density=density)
     with pytest.raises(InputError, match="without named coefficients"):
         of_published("remus100_fossen", load_vehicle("remus100_fossen"))
+
+
+def test_exporters_of_other_packages_are_found_by_name(tmp_path, monkeypatch):
+    """Their metadata are read if an unknown name is asked for, or all are listed; a broken one is named with its package."""
+    folder = tmp_path / "strange-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: strange\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(
+        "[seatrial.exporters]\nplain = strange:PlainText\nlist = strange:NUMBERS\nabsent = strange.nowhere:X\ngz = strange:PlainText\n"
+    )
+    skeleton = Path(__file__).parents[2] / "docs" / "skeletons" / "exporter.py"
+    (tmp_path / "strange.py").write_text(skeleton.read_text() + "\n\nNUMBERS = [1, 2]\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert exporter_names() == (*EXPORTERS, "plain", "list", "absent")
+    assert type(make_exporter("gz")).__module__ == "seatrial.export.targets.gz"
+    _, (path,) = export_vehicle(make_exporter("plain"), published(), PROVENANCE, tmp_path / "out")
+    assert "\nX_uabsu = -" in path.read_text()
+    with pytest.raises(InputError, match=r"NUMBERS of strange\n.*something else"):
+        make_exporter("list")
+    with pytest.raises(InputError, match=r"(?s)--to absent, .*ModuleNotFoundError.*that fits, or remove it"):
+        make_exporter("absent")
+    with pytest.raises(InputError, match="csv, plain, list, absent"):
+        make_exporter("nothing_like_it")
 
 
 def test_the_loss_is_that_of_the_manoeuvre(monkeypatch):
@@ -216,7 +248,7 @@ def test_no_target_keeps_a_tether_and_each_says_so(name, tmp_path, monkeypatch):
     words = "not supported: tether drag of 5 kg/s and 30 kg/m at (-0.3, 0, -0.1) m"
     assert words in statement.lines
     assert max(change.largest for change in statement.loss) > 0.01
-    assert all(words in path.read_text() for path in paths)
+    assert all(words in text_of(path) for path in paths)
     nu, phi, theta, controls = states(vehicle, count=1)
     here = nu[:, 0], float(phi[0]), float(theta[0]), {key: float(value[0]) for key, value in controls.items()}
     np.testing.assert_array_equal(carried_by(exporter, towed).motion(*here), exporter.carries(vehicle).motion(*here))

@@ -99,6 +99,29 @@ def install_extra(extra: str) -> str:
     return f'in the checkout, pip install -e ".[{extra}]"; or with the wheel, pip install "{wheel}[{extra}]"'
 
 
+@contextmanager
+def needing_extra(extra: str, where: str, found: str) -> Iterator[None]:
+    """Import in the block a library that an extra installs.
+
+    Args:
+        extra: of seatrial, that installs it.
+        where: what needs it, for the error.
+        found: of the error, with {} for the library.
+
+    Raises:
+        InputError: it is not installed; names the command that installs it.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as cause:
+        raise InputError(
+            where,
+            found=found.format(str(cause.name).split(".")[0]),
+            expected=f"the extra `{extra}`",
+            remedy=install_extra(extra),
+        ) from cause
+
+
 def nearest(name: object, allowed: Iterable[str], otherwise: str = "") -> str:
     """Return the remedy for a misspelt name: the nearest allowed one, else `otherwise`, by default the whole list."""
     names = list(allowed)

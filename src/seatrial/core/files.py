@@ -157,6 +157,12 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically, byte by byte as given."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def write_json(path: Path, content: Any) -> None:
     """Write JSON atomically; NaN and infinities are refused, since no other reader agrees on them. A file that says it stays as it is."""
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

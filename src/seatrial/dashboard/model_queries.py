@@ -63,7 +63,7 @@ from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
 from seatrial.export.vehicle import ExportedVehicle, same_mass
-from seatrial.export.write import EXPORTERS, carried_by, make_exporter, untethered
+from seatrial.export.write import carried_by, exporter_names, make_exporter, untethered
 from seatrial.logs.align import common_interval
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Limits
@@ -112,9 +112,9 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
     """
     try:
         vehicle, _ = of_campaign(folder, rest=rest or None)
-        targets = [_export_target(make_exporter(name), vehicle) for name in EXPORTERS]
+        targets = [_export_target(make_exporter(name), vehicle) for name in exporter_names()]
     except InputError as error:
-        targets = [ExportTarget(name, False, error.sentence(), ()) for name in EXPORTERS]
+        targets = [ExportTarget(name, False, error.sentence(), ()) for name in exporter_names()]
     return (*targets, *_trial_targets(folder))
 
 

@@ -20,7 +20,7 @@ from seatrial.campaign.store.estimates import Estimate
 from seatrial.campaign.store.stored_result import Store, read_result
 from seatrial.campaign.store.summary import Summary
 from seatrial.campaign.workflow.steps import NotCurrent, Workflow
-from seatrial.core.argument_checks import check_choice, check_kind, check_path
+from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
@@ -334,7 +334,7 @@ def export_to(
         InputError: an unknown target or option, or a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
     out = check_path(folder, "folder")
-    check_choice(to, tuple(EXPORTERS), "to")
+    exporter = make_exporter(check_kind(to, str, "to", "one of " + ", ".join(EXPORTERS)), **options)
     if draws is not None:
         check_kind(draws, Draws, "draws", "draw them with `sample`")
     if isinstance(what, PublishedVehicle):
@@ -348,7 +348,7 @@ def export_to(
         else:
             _refuse(str(what), structure=structure, rest=rest, configuration=configuration)
             vehicle, provenance = of_catalogue(str(what))
-    return export_vehicle(make_exporter(to, **options), vehicle, provenance, out)
+    return export_vehicle(exporter, vehicle, provenance, out)
 
 
 def of_estimates(

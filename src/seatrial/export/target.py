@@ -1,7 +1,7 @@
 """What every exporter is: a name, a target and its version, what the target keeps of a vehicle, and the files it writes.
 
 An exporter is a frozen dataclass whose other fields are the target's options: docs/skeletons/exporter.py is one to copy, and a line in
-`registry.EXPORTERS` puts it into the conformance test.
+`EXPORTERS` of write.py puts it into the conformance test. One of another package needs an entry point of the group `seatrial.exporters`.
 """
 
 from collections.abc import Mapping
@@ -93,6 +93,6 @@ class Exporter(Protocol):
         """Return what the target keeps of the vehicle."""
         ...
 
-    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
-        """Return the texts by file name; each repeats the statement."""
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> Mapping[str, str | bytes]:
+        """Return texts, or bytes of binary files, by file name; each repeats the statement."""
         ...

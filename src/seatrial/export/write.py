@@ -1,7 +1,8 @@
 """Writing an export: the exporter by the name that `--to` takes, the vehicle checked first, then every file whole, or none."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import fields, replace
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from seatrial import __version__
 from seatrial.core.argument_checks import check_number
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest, not_among
-from seatrial.core.files import write_text
+from seatrial.core.files import write_bytes, write_text
 from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import ManoeuvrePlan, changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
@@ -29,10 +30,12 @@ from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
 # lost.
 
+_PARTS = ("name", "target", "check", "carries", "write")  # Of every exporter
 _SLOW_GROWTH = 0.05  # Growth, 1/s, below which nothing grows much in the manoeuvre
 _ROUNDING_SHARE = 1e-9  # Share of a velocity's range, or m/s and rad/s, below which a difference is rounding
+GROUP = "seatrial.exporters"  # Entry points by which other packages add exporters
 # In the order in which they are listed.
-EXPORTERS: dict[str, Callable[..., Exporter]] = {
+EXPORTERS: dict[str, type[Exporter]] = {
     "gz": Gz,
     "stonefish": Stonefish,
     "fossen": Fossen,
@@ -98,10 +101,15 @@ def export_vehicle(
     """
     exporter.check(untethered(vehicle))
     statement = state(exporter, vehicle, provenance)
-    texts = exporter.write(untethered(vehicle), statement)
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    return statement, [folder / name for name in texts]
+    files = exporter.write(untethered(vehicle), statement)
+    for name, content in files.items():
+        write_bytes(folder / name, content) if isinstance(content, bytes) else write_text(folder / name, content)
+    return statement, [folder / name for name in files]
+
+
+def exporter_names() -> tuple[str, ...]:
+    """Return the names of all targets: those of this package, then those of other packages."""
+    return tuple(dict.fromkeys((*EXPORTERS, *(one.name for one in entry_points(group=GROUP)))))
 
 
 def make_exporter(name: str, **options: Any) -> Exporter:
@@ -110,26 +118,24 @@ def make_exporter(name: str, **options: Any) -> Exporter:
     Raises:
         InputError: no target of that name, or an option that it does not have.
     """
-    if name not in EXPORTERS:
-        raise not_among(f"--to {name}", name, EXPORTERS)
+    kind = EXPORTERS.get(name) or _of_another_package(name)
     given = {key: value for key, value in options.items() if value is not None}
-    fields = set(EXPORTERS[name].__dataclass_fields__) - {"name", "target"}  # pyright: ignore[reportFunctionMemberAccess]
     for key in given:
-        if key not in fields:
-            able = [other for other, one in EXPORTERS.items() if key in one.__dataclass_fields__]  # pyright: ignore[reportFunctionMemberAccess]
+        if key not in _options(kind):
+            able = [other for other, one in EXPORTERS.items() if key in _options(one)]
             raise InputError(
                 f"export to {name}, {key}",
                 found=f"an option that {name} does not have",
                 expected="a target that has this option: " + ", ".join(able)
                 if able
-                else ", ".join(sorted(fields)) or "no option",
+                else ", ".join(sorted(_options(kind))) or "no option",
                 remedy="leave it out",
             )
     if "density" in given:
         check_number(
             given["density"], f"export to {name}, density", above=0.0, remedy="give it in kg/m^3, for example 1025.0"
         )
-    return EXPORTERS[name](**given)
+    return kind(**given)
 
 
 def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
@@ -155,6 +161,35 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
         version=__version__,
         absent=(", ".join(absent),) if absent else (),
     )
+
+
+def _of_another_package(name: str) -> type[Exporter]:
+    """Return the exporter that an installed package has under a name."""
+    found = entry_points(group=GROUP, name=name)
+    if not found:
+        raise not_among(f"--to {name}", name, exporter_names())
+    (entry, *_) = found
+    try:
+        kind = entry.load()
+    except Exception as cause:  # whatever the other package raises when it is imported
+        raise _unusable(entry, f"{type(cause).__name__}: {cause}") from cause
+    if not (isinstance(kind, type) and all(hasattr(kind, part) for part in ("__dataclass_fields__", *_PARTS))):
+        raise _unusable(entry, "something else")
+    return kind
+
+
+def _unusable(entry: EntryPoint, found: str) -> InputError:
+    package = entry.dist.name if entry.dist else "another package"
+    return InputError(
+        f"--to {entry.name}, {entry.value} of {package}",
+        found=found,
+        expected=f"a frozen dataclass with {', '.join(_PARTS)}, as docs/skeletons/exporter.py has it",
+        remedy=f"install a version of {package} that fits, or remove it",
+    )
+
+
+def _options(kind: type[Exporter]) -> set[str]:
+    return {field.name for field in fields(kind)} - {"name", "target"}  # pyright: ignore[reportArgumentType]
 
 
 def _loss_in_current(

@@ -76,11 +76,11 @@ def _vehicle(
 ) -> Exit:
     from seatrial.core.errors import InputError
     from seatrial.export.from_campaign import export_to
-    from seatrial.export.write import EXPORTERS, make_exporter
+    from seatrial.export.write import exporter_names, make_exporter
 
     if to is None:
         raise InputError(
-            "--to", found="nothing", expected="one of " + ", ".join(EXPORTERS), remedy="for example `--to gz`"
+            "--to", found="nothing", expected="one of " + ", ".join(exporter_names()), remedy="for example `--to gz`"
         )
     is_folder = Path(what).exists()
     if not is_folder:

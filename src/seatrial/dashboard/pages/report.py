@@ -26,7 +26,7 @@ TARGETS = {
     "trial ros2": "next trial: ROS 2 bag",
     "trial mcap": "next trial: MCAP",
 }
-"""What `seatrial export` can write."""
+"""What `seatrial export` can write; targets of other packages are shown by their names."""
 NOWHERE = "nowhere"
 
 
@@ -109,7 +109,7 @@ class ExportForm:
                 other = ui.select(names, value=rest, label="Motions not modelled, from").props(LOOK).classes("wide")
                 other.on_value_change(lambda event: self.show(event.value))
             if possible:
-                shown = {option: TARGETS[option] for option in possible}
+                shown = {option: TARGETS.get(option, f"vehicle: {option}") for option in possible}
                 target = (
                     ui.select(shown, value=next(iter(shown)), label="Simulator or format").props(LOOK).classes("wide")
                 )
@@ -125,7 +125,7 @@ class ExportForm:
         messages, terms = ui.element("div"), markup("").props('aria-live="polite"')
         if possible:
             unsupported()
-        refused = [[TARGETS[option_of(one)], one.refusal] for one in targets if one.refusal]
+        refused = [[TARGETS.get(option_of(one), one.name), one.refusal] for one in targets if one.refusal]
         if refused:
             with ui.element("details").props("" if possible else "open"):
                 with ui.element("summary"):

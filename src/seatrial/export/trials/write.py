@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from seatrial.core.errors import InputError, install_extra, not_among
+from seatrial.core.errors import InputError, needing_extra, not_among
 from seatrial.core.files import write_text
 from seatrial.export.trials.trial import NEUTRAL, Trial, value_at
 
@@ -90,16 +90,10 @@ def bag_libraries(folder: Path) -> tuple[Any, Any]:
     Raises:
         InputError: the library is not installed.
     """
-    try:
+    with needing_extra("ros", str(folder), "{}, which writes ROS 2 bags, is not installed"):
         import rosbags.rosbag2 as rosbag2
         import rosbags.typesys as typesys
-    except ModuleNotFoundError as cause:
-        raise InputError(
-            str(folder),
-            found="rosbags, which writes ROS 2 bags, is not installed",
-            expected="the extra `ros`",
-            remedy=install_extra("ros"),
-        ) from cause
+
     return rosbag2, typesys
 
 

@@ -8,14 +8,14 @@ the wanted numbers to blocks of a few thousand rows and hands them on.
 import re
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from seatrial.core.errors import InputError, install_extra
+from seatrial.core.errors import InputError, needing_extra
 from seatrial.logs.formats.unit_in_name import ENDINGS, name_and_units
 
 BLOCK_ROWS = 8192
@@ -195,26 +195,9 @@ def unreadable(path: Path, cause: OSError) -> InputError:
     )
 
 
-@contextmanager
-def optional(extra: str, path: Path) -> Iterator[None]:
-    """Import in the block a library that an extra installs.
-
-    Args:
-        extra: of seatrial, that installs it.
-        path: of the log, for the error.
-
-    Raises:
-        InputError: it is not installed; names the command that installs it.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as cause:
-        raise InputError(
-            str(path),
-            found=f"a log that {str(cause.name).split('.')[0]} reads, which is not installed",
-            expected=f"the extra `{extra}`",
-            remedy=install_extra(extra),
-        ) from cause
+def optional(extra: str, path: Path) -> AbstractContextManager[None]:
+    """Return a block that imports a library of an extra, which reads the log of the path; see `needing_extra`."""
+    return needing_extra(extra, str(path), "a log that {} reads, which is not installed")
 
 
 def as_column(values: np.ndarray) -> np.ndarray:
