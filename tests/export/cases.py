@@ -7,12 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from seatrial.core.signals import RATES
+from seatrial.core.signals import ANGLES, POSITIONS, RATES
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, of_published
+from seatrial.export.vehicle import (
+    CoefficientEstimates,
+    EstimatedNumber,
+    ExportedVehicle,
+    ExportProvenance,
+    of_published,
+)
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.tether import Tether
+from seatrial.vehicles.whole import whole_vehicle
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000
@@ -92,7 +99,8 @@ def own_force(vehicle: ExportedVehicle, nu, phi, theta, controls):
     model = vehicle.model()
     known = {**dict(zip(RATES, nu, strict=True)), "phi": phi, "theta": theta}
     values = tuple(controls[name] for name in model.controls)
-    rates = model.derivative(vehicle.forces, tuple(known[name] for name in model.states), values)
+    params = {**vehicle.forces, **vehicle.thrust_law}
+    rates = model.derivative(params, tuple(known[name] for name in model.states), values)
     found = dict(zip(model.states, rates, strict=True))
     return (vehicle.rigid_mass + vehicle.added_mass) @ np.array([np.broadcast_to(found[r], nu[0].shape) for r in RATES])
 
@@ -101,6 +109,60 @@ def written(exporter: Exporter, vehicle: ExportedVehicle) -> Mapping[str, str | 
     """Files without the manoeuvre, which takes a second."""
     statement = Statement(exporter.target, PROVENANCE, Carried(exporter.carries(vehicle).motion), (), "", (HOSTILE,))
     return exporter.write(vehicle, statement)
+
+
+def with_law() -> ExportedVehicle:
+    """An open frame with lags, limits, and all that may be estimated beside its coefficients."""
+    frame = published("bluerov2_heavy")
+    late = {name: Actuator(0.2, -40.0, 40.0, 300.0 if name == "f_2" else np.inf) for name in frame.controls}
+    numbers = {"gain_f": 0.9, "gain_f_3": 0.7, "reverse_f": 0.8, "dead_f": 2.0, "lag_f": 0.35}
+    numbers |= {"net_weight": -1.5, "x_b": 0.01, "z_b": -0.02}
+    units = {"dead_f": "N", "lag_f": "s", "net_weight": "N", "x_b": "m", "z_b": "m"}
+    estimated = {name: EstimatedNumber(x, 0.1 * abs(x), units.get(name, "1")) for name, x in numbers.items()}
+    return replace(frame, actuators=late).with_numbers(estimated)
+
+
+def whole_model(vehicle: ExportedVehicle):
+    """The package's own model of a vehicle with its pose by Euler angles and its actuators, and the values of its parameters."""
+    forces, law = vehicle.forces, vehicle.thrust_law
+    added = {name: value for name, value in vehicle.coefficients.items() if name not in forces}
+    model = whole_vehicle(
+        replace(vehicle.hull, fixed=added, tether=None),
+        tuple(forces),
+        moves=vehicle.moves,
+        attitude="euler",
+        positions=POSITIONS,
+        angles=ANGLES,
+        added_coriolis=vehicle.added_coriolis,
+        thrusters=vehicle.thrusters,
+        actuators=vehicle.actuators,
+        unknowns=tuple(law),
+    )
+    return model, {**forces, **law}
+
+
+def whole_states(vehicle: ExportedVehicle, count: int, seed=0):
+    """Random states and controls by name, each of shape (count,); velocities and angles that the model lacks are 0."""
+    rng, (model, _) = np.random.default_rng(seed), whole_model(vehicle)
+    spans = {"n": 150.0, "d": 0.3, "f": 45.0, "V": 16.0} | dict.fromkeys("uvw", 1.0) | dict.fromkeys("pqr", 0.5)
+    spans |= {"x": 100.0, "y": 100.0, "z": 100.0, "phi": 1.2, "theta": 1.2, "psi": 3.0}
+    state, control = (
+        {name: rng.uniform(-1, 1, count) * spans.get(name, spans.get(name[0])) for name in names}
+        for names in (model.states, model.controls)
+    )
+    zero = np.zeros(count)
+    return {**dict.fromkeys((*RATES, *POSITIONS, *ANGLES), zero), **state}, control
+
+
+def own_rates(vehicle: ExportedVehicle, state, control) -> np.ndarray:
+    """Rates of all states that `whole_states` has, in its order, by the package's own model; 0 of those that it lacks."""
+    model, values = whole_model(vehicle)
+    rates = model.derivative(
+        values, tuple(state[name] for name in model.states), tuple(control[name] for name in model.controls)
+    )
+    found = dict(zip(model.states, rates, strict=True))
+    zero = np.zeros_like(state["u"])
+    return np.array([np.broadcast_to(found.get(name, 0.0), zero.shape) for name in state])
 
 
 def text_of(path: Path) -> str:

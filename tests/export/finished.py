@@ -50,6 +50,7 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
                 "sd": ("parameter", wider * draws.std((0, 1))),
                 "prior_lower": ("parameter", np.full(len(names), -np.inf)),
                 "prior_upper": ("parameter", np.full(len(names), np.inf)),
+                "unit": ("parameter", ["s" if name == "delay" else "1" for name in names]),
             },
             coords={"parameter": names},
         )

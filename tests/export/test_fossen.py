@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from seatrial.export.targets.fossen import Fossen, _limit, controls_of, scales_of
-from tests.export.cases import assert_equal, commanded, own_force, published, rich, states, with_terms, written
+from tests.export.cases import (
+    assert_equal,
+    commanded,
+    own_force,
+    published,
+    rich,
+    states,
+    with_law,
+    with_terms,
+    written,
+)
 
 BASE = '''
 """Stands for the simulator's class: what its loop and its subclasses use of it."""
@@ -63,11 +73,12 @@ def in_a_wake():
         "rich",
         "commanded",
         "wake",
+        "law",
         *(pytest.param(name, marks=pytest.mark.proof) for name in ("remus100_prestero", "bluerov2_heavy")),
     ],
 )
 def test_accelerations_are_ours(name, tmp_path):
-    made = {"rich": rich, "commanded": commanded, "wake": in_a_wake}
+    made = {"rich": rich, "commanded": commanded, "wake": in_a_wake, "law": with_law}
     vehicle = made[name]() if name in made else published(name)
     nu, phi, theta, controls = states(vehicle)
     order = controls_of(vehicle)

@@ -11,6 +11,7 @@ from seatrial.campaign.store.stored_result import SEAL, Store, write_stamped_jso
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
+from seatrial.export import manoeuvre
 from seatrial.export.from_campaign import of_campaign
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.write import of_catalogue, state
@@ -113,21 +114,27 @@ def test_a_whole_campaign_brings_its_own_rest(tmp_path):
     assert "motion in u, w, q" in provenance.structure
 
 
-def test_what_was_found_of_a_tether_goes_along_and_of_other_unknowns_is_told(tmp_path):
-    """Both by the means of the posterior; what has no prior is as stated."""
+def test_what_was_found_beside_the_coefficients_goes_along_and_a_delay_is_named_as_lost(tmp_path, monkeypatch):
+    """By the means of the posterior; what has no prior is as stated."""
+    monkeypatch.setattr(manoeuvre, "DURATION", 1.0)
     sought = {"tether_linear": "log-normal", "net_weight": "normal"}
     numbers = {"log-normal": "median = 5.0\nfactor = 2.0", "normal": "mean = 0.0\nsd = 4.0"}
     priors = "".join(f'[prior.{name}]\ndistribution = "{kind}"\n{numbers[kind]}\n\n' for name, kind in sought.items())
     tether = '[vehicle.tether]\npoint = ["-0.7 m", "0 m", "0.1 m"]\nquadratic = "3 kg/m"\n\n'
     changes = (*WHOLE, ("[structure]", f"{tether}[structure]"), ("[sensors.u]", f"{priors}[sensors.u]"))
-    folder = finished(tmp_path / "c", *changes, beside=tuple(sought))
+    folder = finished(tmp_path / "c", *changes, beside=(*sought, "delay"))
     data = open_dataset(folder / "results" / "posterior" / "M-0.nc")["draws"]
     mean = {name: float(data.sel(parameter=name).values.mean()) for name in sought}
     for rest in (None, "remus100_prestero"):
         vehicle, provenance = of_campaign(folder, rest=rest)
         assert vehicle.hull.tether == Tether((-0.7, 0.0, 0.1), pytest.approx(mean["tether_linear"]), 3.0)
-        assert f"net_weight = {mean['net_weight']:.4g} was estimated and is not in this export" in provenance.cautions
-        assert not any("tether" in line for line in provenance.cautions)
+        assert vehicle.hull.weight - vehicle.hull.buoyancy == pytest.approx(mean["net_weight"])
+        assert vehicle.numbers["net_weight"].value == mean["net_weight"]
+        lines = state(OwnJson(), vehicle, provenance).lines
+        (told,) = (line for line in lines if line.startswith("  net_weight = "))
+        assert told.endswith(" N")
+        assert any(line.startswith("not supported: a delay between command and action: delay = 0.0") for line in lines)
+        assert provenance.cautions == ()
 
 
 def test_results_of_another_configuration_are_refused(tmp_path):

@@ -1,11 +1,13 @@
 """Gazebo: its hydrodynamics, lift, thruster and buoyancy formulas, applied to the written file, give our forces."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
+from seatrial.export.rigid_body import drives_of
 from seatrial.export.targets.gz import Gz
 from tests.export.cases import (
     FLIPPED,
@@ -19,6 +21,7 @@ from tests.export.cases import (
     rigid_coriolis,
     spatial_inertia,
     states,
+    with_law,
     with_terms,
     written,
 )
@@ -280,3 +283,24 @@ def test_limits_of_fins_turn_with_their_joints(vehicle, contrary):
         joint = next(one for one in model.findall("joint") if one.get("name") == f"{name}_joint")
         found = [float(joint.findtext(f"axis/limit/{key}")) for key in ("lower", "upper")]
         assert found == pytest.approx([-upper, -lower] if name in reversed_ else [lower, upper])
+
+
+def test_a_gain_is_kept_by_speed_and_named_by_force():
+    """gz gives a commanded force whole; a dead zone and weaker thrust astern it has of no thruster."""
+    carried = Gz().carries(with_law())
+    for words in (
+        "0.63 of the force commanded by f_3",
+        "0.9 of the force commanded by f_1",
+        "dead_f = 2 N",
+        "reverse_f = 0.8 1",
+    ):
+        assert words in carried.lost
+    law = with_law()
+    turning = replace(with_terms(law, T_nabsn=0.01), numbers={"gain_n_3": law.numbers["gain_f_3"]}, actuators={})
+    assert not any("gain" in line or "force" in line for line in Gz().carries(turning).lost)
+    assert drives_of(turning)[0][2].factor == pytest.approx(0.007)
+    nu, phi, theta, controls = states(turning, count=20)
+    assert_equal(
+        (turning.rigid_mass + turning.added_mass) @ Gz().carries(turning).motion(nu, phi, theta, controls),
+        own_force(turning, nu, phi, theta, controls),
+    )

@@ -14,7 +14,7 @@ from seatrial.export.reading import read_exported
 from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.vehicle import AveragedCoefficient
-from tests.export.cases import PROVENANCE, own_force, published, rich, states, written
+from tests.export.cases import PROVENANCE, own_force, published, rich, states, with_law, written
 
 
 def save(vehicle, folder, **changes):
@@ -24,12 +24,13 @@ def save(vehicle, folder, **changes):
     return path, content
 
 
-@pytest.mark.parametrize("name", ["rich", "bluerov2_heavy", "mariner", "remus100_surge"])
+@pytest.mark.parametrize("name", ["rich", "law", "bluerov2_heavy", "mariner", "remus100_surge"])
 def test_a_vehicle_comes_back(name, tmp_path):
-    vehicle = rich() if name == "rich" else published(name)
+    made = {"rich": rich, "law": with_law}
+    vehicle = made[name]() if name in made else published(name)
     path, content = save(vehicle, tmp_path)
     again, provenance = read_exported(path)
-    assert again.coefficients == vehicle.coefficients
+    assert (again.coefficients, again.numbers) == (vehicle.coefficients, vehicle.numbers)
     assert (again.moves, again.thrusters, again.actuators) == (vehicle.moves, vehicle.thrusters, vehicle.actuators)
     np.testing.assert_array_equal(again.estimated.covariance, vehicle.estimated.covariance)
     assert asdict(provenance) == asdict(PROVENANCE)

@@ -25,6 +25,10 @@ from seatrial.core.coefficients import CoefficientName, is_coefficient
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.posterior.configurations import names_in
+from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.output_error import spread_name
+from seatrial.estimation.simulation.delayed_control import DELAY
+from seatrial.estimation.simulation.disturbance import disturbance_name, disturbance_time_name
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.export.target import Statement
 from seatrial.export.vehicle import (
@@ -32,6 +36,7 @@ from seatrial.export.vehicle import (
     FILL_FROM,
     AveragedCoefficient,
     CoefficientEstimates,
+    EstimatedNumber,
     ExportedVehicle,
     ExportProvenance,
     of_published,
@@ -129,22 +134,26 @@ def _alone(
     estimated = _estimated(estimate, structure, summary, configuration)
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
-    common, beside = {"coefficients": coefficients, "estimated": estimated}, {}
+    common = {"coefficients": coefficients, "estimated": estimated, "beside": _beside(estimate)}
     model = vehicle.model(structure)
     if isinstance(vehicle, WholeVehicle):
         tether = vehicle.hull.tether
-        sought = [one.name for one in model.unknowns if one.name in estimate.names]
-        beside = {name: float(estimate.draws([name]).mean()) for name in sought}
+        numbers = {
+            one.name: EstimatedNumber(float(estimate.draws([one.name]).mean()), estimate.sd(one.name), one.unit)
+            for one in model.unknowns
+            if one.name in estimate.names
+        }
+        pulled = {name: one.value for name, one in numbers.items() if name in TETHER}
         moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
         result = ExportedVehicle(
             hull.name,
-            replace(vehicle.hull, fixed={}, tether=tether and tether.at(beside)),
+            replace(vehicle.hull, fixed={}, tether=tether and tether.at(pulled)),
             moves=moves,
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
             actuators=_actuators(campaign.control_limits, model),
             **common,
-        )
+        ).with_numbers({name: one for name, one in numbers.items() if name not in TETHER})
         moved = ", ".join(rate for rate in RATES if rate in model.states)
     else:
         body = Hull(
@@ -184,14 +193,7 @@ def _alone(
                 else []
             ),
         ),
-        (
-            *estimate.alarms,
-            *(
-                f"{name} = {x:.4g} was estimated and is not in this export"
-                for name, x in beside.items()
-                if name not in TETHER
-            ),
-        ),
+        estimate.alarms,
         float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0,
     )
 
@@ -241,7 +243,8 @@ def _with_rest(
         coefficients={**alone.coefficients, **kept},
         actuators={**published.actuators, **alone.actuators},
         estimated=alone.estimated,
-    )
+        beside=alone.beside,
+    ).with_numbers(alone.numbers)
     return result, replace(
         provenance,
         sources=(
@@ -270,6 +273,27 @@ def _actuators(limited: Mapping[str, Limits], model: VehicleModel) -> dict[str, 
             bounds = ((limits.lower, -inf), (limits.upper, inf), (limits.rate, inf))
             actuators[name] = Actuator(0.0, *(no_bound if bound is None else bound for bound, no_bound in bounds))
     return actuators
+
+
+def _beside(estimate: Estimate) -> tuple[str, ...]:
+    """Return what was estimated that acts on the motion and is not in its equation, in words."""
+    kinds = {
+        process_name(""): "process noise, gained in one second",
+        disturbance_name(""): "a slow disturbing force, its standard deviation",
+        spread_name(""): "differences between trials, their standard deviation",
+    }
+    meaning = {
+        name: words
+        for name in estimate.names
+        for kind, words in kinds.items()
+        if name.startswith(kind) and not name.startswith(disturbance_time_name(""))
+    }
+    meaning |= {name: "a delay between command and action" for name in estimate.names if name == DELAY}
+    rows = {name: estimate.data.sel(parameter=name) for name in meaning}
+    return tuple(
+        f"{words}: {name} = {float(rows[name]['mean']):.4g} {rows[name]['unit'].item()}"
+        for name, words in meaning.items()
+    )
 
 
 def _estimated(

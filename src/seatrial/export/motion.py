@@ -16,7 +16,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES
-from seatrial.vehicles.thrusters import controls_of
+from seatrial.vehicles.thrusters import beyond_dead_zone, controls_of, real_thrust
 
 Velocity = Float[np.ndarray, "6 *n"]
 # (velocities through the water, roll, pitch, controls) to accelerations through it, SI; a current may be among the
@@ -57,6 +57,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
     righting, commands = np.array(hull.righting), controls_of(vehicle.thrusters, [name for name, _ in thrust])
+    law = vehicle.thrust_law
 
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
@@ -70,10 +71,12 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
             local = {**known, "u": inflow * known["u"]}
             result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
         for number, thruster in enumerate(vehicle.thrusters, 1):
-            push = controls[commands[number - 1]]
+            control = commands[number - 1]
+            push = beyond_dead_zone(law, control, controls[control])
             if thrust:
-                local = {**known, commands[number - 1][0]: push, "u": inflow * thruster.inflow(tuple(nu))}
+                local = {**known, control[0]: push, "u": inflow * thruster.inflow(tuple(nu))}
                 push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
+            push = real_thrust(law, control, push)
             result += share * np.multiply.outer(np.array(thruster.column), push)
         return result
 

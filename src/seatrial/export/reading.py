@@ -11,13 +11,19 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, located
 from seatrial.core.signals import RATES
 from seatrial.export.targets.own_json import FORMAT, described
-from seatrial.export.vehicle import AveragedCoefficient, CoefficientEstimates, ExportedVehicle, ExportProvenance
+from seatrial.export.vehicle import (
+    AveragedCoefficient,
+    CoefficientEstimates,
+    EstimatedNumber,
+    ExportedVehicle,
+    ExportProvenance,
+)
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import Hull
 from seatrial.vehicles.thrusters import Thruster
 
 # Keys that files of earlier versions of the same format lack.
-LATER_KEYS = ("uncertainty", "quoted", "averaged")
+LATER_KEYS = ("uncertainty", "quoted", "averaged", "numbers")
 _ROUNDING = 1e-9  # Relative difference that is rounding
 
 
@@ -90,6 +96,10 @@ def _vehicle(content: dict[str, Any]) -> ExportedVehicle:
         tuple(Thruster(_three(one["place"]), _three(one["direction"])) for one in content["thrusters"]),
         {name: _actuator(one) for name, one in content["actuators"].items()},
         _estimated(content["estimated"]),
+        {
+            str(one["name"]): EstimatedNumber(_number(one["value"]), _number(one["sd"]), str(one["unit"]))
+            for one in content.get("numbers", ())
+        },
     )
 
 

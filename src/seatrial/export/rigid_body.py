@@ -18,10 +18,10 @@ from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.export.motion import Motion, current_in
-from seatrial.export.terms import Sorted
+from seatrial.export.terms import Sorted, with_gains
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES, GRAVITY, Hull, rigid_mass_matrix
-from seatrial.vehicles.thrusters import PROPELLER
+from seatrial.vehicles.thrusters import PROPELLER, real_thrust
 
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 # Of the water, kg/m^3, where the user says nothing: the catalogue does not know it, and only its product with the
@@ -149,17 +149,19 @@ def drives_of(vehicle: ExportedVehicle) -> tuple[tuple[Drive, ...], tuple[str, .
     share = (1.0 - vehicle.hull.thrust_deduction) * thrust.get("T_f", 1.0)
     if not vehicle.thrusters and square is None:
         return (), others
+    gains = with_gains(vehicle).thrust_law
     results = []
     for number, thruster in enumerate(vehicle.thrusters or (PROPELLER,), 1):
         control = ("f" if square is None else "n") + (f"_{number}" if vehicle.thrusters else "")
         actuator = vehicle.actuators.get(control)
+        gain = share * float(real_thrust(gains, control, 1.0))
         results.append(
             Drive(
                 control,
                 np.array(thruster.place, float),
                 np.array(thruster.column[:3]),
-                None if square is None else share * square,
-                share,
+                None if square is None else gain * square,
+                gain,
                 -np.inf if actuator is None else actuator.lower,
                 np.inf if actuator is None else actuator.upper,
             )

@@ -127,6 +127,20 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
     return tuple(results)
 
 
+def with_gains(vehicle: ExportedVehicle) -> ExportedVehicle:
+    """Return the vehicle without what `thrust_law_losses` names."""
+    return replace(vehicle, numbers={key: one for key, one in vehicle.numbers.items() if key.startswith("gain_")})
+
+
+def thrust_law_losses(vehicle: ExportedVehicle) -> tuple[str, ...]:
+    """Return the dead zone and the share astern of thrusters, in words, for a target that has gains alone."""
+    return tuple(
+        f"{name} = {value:.5g} {vehicle.numbers[name].unit}"
+        for name, value in vehicle.thrust_law.items()
+        if not name.startswith("gain_")
+    )
+
+
 def is_asymmetric(vehicle: ExportedVehicle) -> bool:
     """Return whether the added mass differs from its transpose."""
     matrix = vehicle.added_mass

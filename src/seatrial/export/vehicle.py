@@ -15,9 +15,9 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.vehicles.active_dof import AddedCoriolis
-from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.actuators import Actuator, lags_of
 from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle, vehicle_names
-from seatrial.vehicles.hull import Hull, added_mass_matrix, rigid_mass_matrix
+from seatrial.vehicles.hull import Hull, added_mass_matrix, floating_unknowns, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import Thruster
 from seatrial.vehicles.whole import whole_vehicle
@@ -67,6 +67,15 @@ class CoefficientEstimates:
     quoted: str = ""
 
 
+@dataclass(frozen=True)
+class EstimatedNumber:
+    """A number of a vehicle that no coefficient is, such as `gain_f_3`, `dead_f`, `net_weight` or `lag_n`; with its error, SI."""
+
+    value: float
+    sd: float
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class ExportProvenance:
     """Where a vehicle comes from.
@@ -107,6 +116,8 @@ class ExportedVehicle:
         thrusters: of an open frame; none for one propeller on the axis.
         actuators: lag and limits by control.
         estimated: which coefficients were estimated, and how well.
+        numbers: what else of its equation was estimated, by name; hull and actuators have them, see `with_numbers`.
+        beside: what was estimated that no target has, in words: a delay, process noise, differences between trials.
     """
 
     name: str
@@ -117,6 +128,18 @@ class ExportedVehicle:
     thrusters: tuple[Thruster, ...] = ()
     actuators: Mapping[str, Actuator] = field(default_factory=dict)
     estimated: CoefficientEstimates = field(default_factory=CoefficientEstimates)
+    numbers: Mapping[str, EstimatedNumber] = field(default_factory=dict)
+    beside: tuple[str, ...] = ()
+
+    @property
+    def thrust_law(self) -> dict[str, float]:
+        """Gains, share astern and dead zone of its thrusters, SI; see `thrust_unknowns`."""
+        elsewhere = {one.name for one in floating_unknowns(self.hull)}
+        return {
+            name: one.value
+            for name, one in self.numbers.items()
+            if name not in elsewhere and not name.startswith("lag_")
+        }
 
     @property
     def unknown_drives(self) -> list[str]:
@@ -167,6 +190,24 @@ class ExportedVehicle:
             attitude="euler",
             added_coriolis=self.added_coriolis,
             thrusters=self.thrusters,
+            unknowns=tuple(self.thrust_law),
+        )
+
+    def with_numbers(self, numbers: Mapping[str, EstimatedNumber]) -> "ExportedVehicle":
+        """Return it with estimated numbers: weight less buoyancy, the centre of buoyancy and lags go where they belong."""
+        value = {name: one.value for name, one in numbers.items()}
+        hull, centre = self.hull, zip("xyz", self.hull.centre_of_buoyancy, strict=True)
+        net = value.get("net_weight", hull.weight - hull.buoyancy)
+        x, y, z = (value.get(f"{axis}_b", stated) for axis, stated in centre)
+        lags = {
+            name: next((value[lag] for lag in lags_of(name) if lag in value), one.time_constant)
+            for name, one in self.actuators.items()
+        }
+        return replace(
+            self,
+            hull=replace(hull, buoyancy=hull.weight - net, centre_of_buoyancy=(x, y, z)),
+            actuators={name: replace(one, time_constant=lags[name]) for name, one in self.actuators.items()},
+            numbers=dict(numbers),
         )
 
     def unit(self, name: str) -> str:

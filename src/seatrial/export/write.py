@@ -67,9 +67,10 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
 
 
 def carried_by(exporter: Exporter, vehicle: ExportedVehicle) -> Carried:
-    """Return what a target keeps of a vehicle; a tether is kept by none."""
+    """Return what a target keeps of a vehicle; a tether, delays and process noise are kept by none."""
     carried, tether = exporter.carries(untethered(vehicle)), vehicle.hull.tether
-    return carried if tether is None else carried._replace(lost=(*carried.lost, tether.words))
+    pulled = () if tether is None else (tether.words,)
+    return carried._replace(lost=(*carried.lost, *pulled, *vehicle.beside))
 
 
 def untethered(vehicle: ExportedVehicle) -> ExportedVehicle:
@@ -212,9 +213,10 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         lines.append(f"structure: {provenance.structure}")
     estimated = vehicle.estimated
     heading = "estimated, mean ± standard deviation:"
-    lines.append(heading if estimated.names else "estimated: nothing; all values are published")
+    lines.append(heading if estimated.names or vehicle.numbers else "estimated: nothing; all values are published")
     for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
         lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
+    lines += [f"  {name} = {one.value:.6g} ± {one.sd:.2g} {one.unit}" for name, one in vehicle.numbers.items()]
     if estimated.quoted == "averaged":
         lines.append(f"to quote: {QUOTED['averaged']}:")
         lines += [

@@ -47,6 +47,7 @@ class CsvTable:
             rows.append([name, repr(float(value)), sd, vehicle.unit(name), "estimated", *map(_number, entries)])
         for name, one in averages.items():
             rows.append([name, "", "", vehicle.unit(name), "in other models", *map(_number, _of_average(one))])
+        rows += [[name, repr(one.value), repr(one.sd), one.unit, "estimated"] for name, one in vehicle.numbers.items()]
         body = [[name, repr(value), "", unit, "body"] for name, value, unit in body_rows(vehicle)]
         head = ["name", "value", "sd", "unit", "source", *_AVERAGED_COLUMNS]
         head += [f"covariance with {name}" for name in known]

@@ -8,11 +8,12 @@ Source: github.com/cybergalactic/PythonVehicleSimulator, `vehicles/remus100.py` 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isfinite, pi
+from textwrap import indent
 
 import numpy as np
 
-from seatrial.core.coefficients import CoefficientName, Factor
 from seatrial.core.signals import signal_unit
+from seatrial.export.equations import axis_sum, docstring_line, inflow_row, needs_inflow, parameters_of, thrust_of
 from seatrial.export.manoeuvre import contrary_to
 from seatrial.export.motion import motion_of
 from seatrial.export.stability import check_stable
@@ -47,9 +48,9 @@ class Fossen:
         name = identifier(vehicle.name)
         controls, scales = controls_of(vehicle), scales_of(vehicle)
         parts = {
-            "DOC": "\n".join(_safe(line) for line in [*statement.lines, *_notes(vehicle, scales)]),
+            "DOC": "\n".join(docstring_line(line) for line in [*statement.lines, *_notes(vehicle, scales)]),
             "CLASS": name,
-            "TITLE": repr(_safe(vehicle.name)),
+            "TITLE": repr(docstring_line(vehicle.name)),
             "MRB": _matrix(vehicle.rigid_mass),
             "MA": _matrix(vehicle.added_mass),
             "CORIOLIS": "self.MRB + self.MA" if vehicle.added_coriolis == "automatic" else "self.MRB",
@@ -128,45 +129,16 @@ def _label(control: str) -> str:
 def _forces(vehicle: ExportedVehicle) -> str:
     """Return one sum for each axis, and the thrusters."""
     hull, lines = vehicle.hull, []
-    thrust = [(CoefficientName.parse(n), x) for n, x in vehicle.forces.items() if CoefficientName.parse(n).axis == "T"]
-    share = 1.0 - hull.thrust_deduction
-    for axis in AXES:
-        rows = [
-            (name, value)
-            for name, value in ((CoefficientName.parse(n), x) for n, x in vehicle.forces.items())
-            if name.axis == axis
-        ]
-        products = [f"{number(value)} * {_regressor(name, hull.trim)}  # {name}" for name, value in rows]
-        if axis == "X" and thrust and not vehicle.thrusters:
-            inflow = {"u": f"({number(1.0 - hull.wake)} * u)"}
-            products += [
-                f"{number(share)} * {number(value)} * {_regressor(name, hull.trim, inflow)}  # {name}"
-                for name, value in thrust
-            ]
-        body = "".join(f"            + {product}\n" for product in products)
-        lines.append(f"        {axis} = (\n            0.0\n{body}        )")
-    lines.append(f"        tau = np.array([{', '.join(AXES)}])")
-    for number_, thruster in enumerate(vehicle.thrusters, 1):
-        push = f"f_{number_}"
-        if thrust:
-            inflow_row = [*thruster.column[:3], *np.cross(thruster.place, thruster.column[:3])]
-            lines.append(f"        inflow = {number(1.0 - hull.wake)} * np.dot({_row(inflow_row)}, nu_r)")
-            names = {"n": f"n_{number_}", "f": f"f_{number_}", "u": "inflow"}
-            push = "(" + " + ".join(f"{number(x)} * {_regressor(name, hull.trim, names)}" for name, x in thrust) + ")"
-        lines.append(f"        tau = tau + {_row([share * x for x in thruster.column])} * {push}")
-    return "\n".join(lines)
-
-
-def _regressor(name: CoefficientName, trim: dict | object, names: dict[str, str] | None = None) -> str:
-    return " * ".join(_factor(factor, trim, names or {}) for factor in name.factors) or "1.0"
-
-
-def _factor(factor: Factor, trim: dict | object, names: dict[str, str]) -> str:
-    text = names.get(factor.signal, factor.signal)
-    if factor.change:
-        text = f"({text} - {number(trim[factor.signal])})"  # pyright: ignore[reportIndexIssue]
-    text = f"abs({text})" if factor.modulus else text
-    return text if factor.power == 1 else f"{text}**{factor.power}"
+    values = {name: number(value) for name, (value, _) in parameters_of(vehicle).items()}
+    lines += [axis_sum(vehicle, axis, values) for axis in AXES]
+    lines.append(f"tau = np.array([{', '.join(AXES)}])")
+    for place, thruster in enumerate(vehicle.thrusters, 1):
+        if needs_inflow(vehicle):
+            lines.append(f"inflow = {number(1.0 - hull.wake)} * np.dot({_row(inflow_row(vehicle, place))}, nu_r)")
+        before, push = thrust_of(vehicle, place, values, "np.")
+        net = [(1.0 - hull.thrust_deduction) * x for x in thruster.column]
+        lines += [*before, f"tau = tau + {_row(net)} * {push}"]
+    return indent("\n".join(lines), " " * 8)
 
 
 def _row(values: Iterable[float]) -> str:
@@ -188,12 +160,6 @@ def _steps(controls: tuple[str, ...]) -> str:
         '        """No control; change it to try the vehicle."""\n'
         "        return np.zeros(self.dimU)\n"
     )
-
-
-def _safe(line: str) -> str:
-    """Return text that can stand in a docstring: no quotes that end it, no backslashes, nothing that does not print."""
-    kept = "".join(c if c.isprintable() else " " for c in line)
-    return kept.replace("\\", "/").replace('"', "'")
 
 
 _TEMPLATE = '''"""

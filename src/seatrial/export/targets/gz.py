@@ -7,7 +7,7 @@ Sources: gz-sim `src/systems/{hydrodynamics,thruster,lift_drag,buoyancy}`, sdfor
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -42,6 +42,8 @@ from seatrial.export.terms import (
     is_asymmetric,
     sorted_terms,
     term_losses,
+    thrust_law_losses,
+    with_gains,
     without,
 )
 from seatrial.export.vehicle import ExportedVehicle, require_whole
@@ -118,15 +120,22 @@ class Gz:
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`."""
         terms = sorted_terms(vehicle.forces)
-        _, thrust = drives_of(vehicle)
+        drives, thrust = drives_of(vehicle)
         fins, odd = fins_of(terms)
         finned = [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
-        kept = without(vehicle, [*terms.other, *thrust, *finned])
+        kept, weaker = with_gains(without(vehicle, [*terms.other, *thrust, *finned])), []
+        if drives and drives[0].factor is None:  # the plugin gives a commanded force whole
+            weaker = [
+                f"{drive.share:.4g} of the force commanded by {drive.control}" for drive in drives if drive.share != 1
+            ]
+            kept = replace(without(kept, terms.thrust), hull=replace(kept.hull, thrust_deduction=0.0), numbers={})
         actuators = {name: Actuator(0.0, one.lower, one.upper) for name, one in vehicle.actuators.items()}
         drifting = _drift_losses(self.engine, vehicle, fins)
         lost = (
             *term_losses(vehicle, terms.other),
             *term_losses(vehicle, thrust),
+            *thrust_law_losses(vehicle),
+            *weaker,
             *odd,
             *actuator_losses(vehicle, actuators),
             *drifting,

@@ -97,6 +97,7 @@ def described(vehicle: ExportedVehicle) -> dict[str, Any]:
             }
             for name, value in vehicle.coefficients.items()
         ],
+        "numbers": [{"name": name, **vars(one)} for name, one in vehicle.numbers.items()],
         "estimated": {
             "names": list(estimated.names),
             "mean": estimated.mean.tolist(),

@@ -27,7 +27,14 @@ from seatrial.export.motion import Motion, force_of, motion_of, motion_with
 from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, drive_name, drives_of, fins_of
 from seatrial.export.stability import check_stable
 from seatrial.export.target import Carried, Statement
-from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
+from seatrial.export.terms import (
+    actuator_losses,
+    added_mass_losses,
+    sorted_terms,
+    term_losses,
+    thrust_law_losses,
+    with_gains,
+)
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numbers, text
 from seatrial.vehicles.actuators import Actuator
@@ -66,6 +73,7 @@ class Stonefish:
         lost = [
             *added_mass_losses(vehicle, [f"{AXES[3 + i]}_{RATES[3 + i]}dot" for i in range(3) if kept[i]]),
             *term_losses(vehicle, rest),
+            *thrust_law_losses(vehicle),
             *actuator_losses(vehicle, actuators),
         ]
         inertia = body_of(vehicle.rigid_mass).inertia
@@ -272,7 +280,7 @@ def solid_motion(vehicle: ExportedVehicle, solid: Solid, density: float) -> Moti
     )
     drives, other = drives_of(vehicle)
     thrust = {name: value for name, value in sorted_terms(vehicle.forces).thrust.items() if name not in other}
-    moved = replace(vehicle, hull=hull, coefficients=thrust if drives else {}, added_coriolis="named")
+    moved = replace(with_gains(vehicle), hull=hull, coefficients=thrust if drives else {}, added_coriolis="named")
     return motion_with(
         moved, force_of(moved), drag_force(solid, density), *(rudder_force(fin) for fin in rudders_of(vehicle))
     )
