@@ -116,6 +116,11 @@ def docstring_line(line: str) -> str:
     return kept.replace("\\", "/").replace('"', "'")
 
 
+def listed_numbers(values: Iterable[float]) -> str:
+    """Return numbers as a list."""
+    return _listed(map(number, values))
+
+
 def states_of(vehicle: ExportedVehicle) -> tuple[str, ...]:
     """Return the states of the source: velocities, position, attitude, and what lagging actuators do."""
     return (*STATES, *(f"{name}{ACTUAL}" for name in lagging(vehicle)))
@@ -180,7 +185,7 @@ def source_of(vehicle: ExportedVehicle) -> str:
         "FORCES": indent("\n".join(_force_lines(vehicle)), "    "),
         "CORIOLIS": "mass" if vehicle.added_coriolis == "automatic" else "RIGID_MASS",
         "WEIGHT": number(hull.weight),
-        "GRAVITY": repr([float(x) for x in hull.centre_of_gravity]),
+        "GRAVITY": listed_numbers(hull.centre_of_gravity),
         "ACTUAL": _unpack([f"{name}{ACTUAL}" for name in lagging(vehicle)], "actual"),
         "LAGS": "\n".join(f"    {name} = parameters[{list(parameters).index(name)}]" for name in lags),
         "LIMITS": "\n".join(

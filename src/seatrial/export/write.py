@@ -17,6 +17,7 @@ from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import ManoeuvrePlan, changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, MotionChange, Statement
+from seatrial.export.targets.casadi_module import CasadiModule
 from seatrial.export.targets.csv_table import CsvTable
 from seatrial.export.targets.fossen import Fossen
 from seatrial.export.targets.gz import Gz
@@ -39,6 +40,7 @@ EXPORTERS: dict[str, type[Exporter]] = {
     "gz": Gz,
     "stonefish": Stonefish,
     "fossen": Fossen,
+    "casadi": CasadiModule,
     "holoocean": HoloOcean,
     "json": OwnJson,
     "csv": CsvTable,
