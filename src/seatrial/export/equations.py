@@ -186,6 +186,8 @@ def source_of(vehicle: ExportedVehicle) -> str:
         "CORIOLIS": "mass" if vehicle.added_coriolis == "automatic" else "RIGID_MASS",
         "WEIGHT": number(hull.weight),
         "GRAVITY": listed_numbers(hull.centre_of_gravity),
+        "NAMES": _listed(controls),
+        "LAGGING": repr(tuple(controls.index(name) for name in lagging(vehicle))),
         "ACTUAL": _unpack([f"{name}{ACTUAL}" for name in lagging(vehicle)], "actual"),
         "LAGS": "\n".join(f"    {name} = parameters[{list(parameters).index(name)}]" for name in lags),
         "LIMITS": "\n".join(
@@ -266,12 +268,13 @@ CONTROLS = @CONTROLS@
 PARAMETERS = {
 @TABLE@
 }
+LAGGING = @LAGGING@
 MOVES = @MOVES@
 RIGID_MASS = @RIGID@
 
 
-def accelerations(nu, angles, control, parameters):
-    """Accelerations through the water, by what the actuators do; a list of six."""
+def accelerations(nu, angles, control, parameters, outside=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)):
+    """Accelerations through the water, by what the actuators do and by forces and moments from outside; a list of six."""
     [u, v, w, p, q, r] = nu
     [phi, theta, psi] = angles
 @CONTROL@
@@ -288,16 +291,22 @@ def accelerations(nu, angles, control, parameters):
     righting = [@WEIGHT@ * g - buoyancy * b for g, b in zip(@GRAVITY@, [x_b, y_b, z_b])]
     total = [a + net_weight * b for a, b in zip(forces, down)]
     total += [a + b for a, b in zip(moments, cross(righting, down))]
-    rates = solve([[mass[i][j] for j in MOVES] for i in MOVES], [total[i] for i in MOVES])
+    rates = solve([[mass[i][j] for j in MOVES] for i in MOVES], [total[i] + outside[i] for i in MOVES])
     return [rates[MOVES.index(i)] if i in MOVES else 0.0 for i in range(6)]
+
+
+def limited(control):
+    """Commands within the limits of their actuators."""
+@CONTROL@
+@LIMITS@
+    return @NAMES@
 
 
 def actuate(actual, control, parameters):
     """What the actuators do by their commands, and how fast those that lag follow."""
-@CONTROL@
+    @NAMES@ = limited(control)
 @ACTUAL@
 @LAGS@
-@LIMITS@
     return @ACTING@, @FOLLOWING@
 
 

@@ -19,9 +19,11 @@ from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, MotionChange, Statement
 from seatrial.export.targets.casadi_module import CasadiModule
 from seatrial.export.targets.csv_table import CsvTable
+from seatrial.export.targets.fmu import CoSimulationUnit
 from seatrial.export.targets.fossen import Fossen
 from seatrial.export.targets.gz import Gz
 from seatrial.export.targets.holoocean import HoloOcean
+from seatrial.export.targets.mjcf import Mujoco
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.targets.stonefish import Stonefish
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_published
@@ -41,6 +43,8 @@ EXPORTERS: dict[str, type[Exporter]] = {
     "stonefish": Stonefish,
     "fossen": Fossen,
     "casadi": CasadiModule,
+    "fmu": CoSimulationUnit,
+    "mjcf": Mujoco,
     "holoocean": HoloOcean,
     "json": OwnJson,
     "csv": CsvTable,
