@@ -13,8 +13,8 @@ from claims import DOCS, ROOT, claims, prose
 
 SOURCES = ROOT / "src" / "seatrial"
 OTHERS = r"docs/(?:decisions/|_build/|reference/(?:command_line|coefficients|results)\.md)"
-PROGRAMS = ("targets", "trials")
-"""Folders with texts of programs for simulators and vehicles."""
+PROGRAMS = {"targets", "trials", "equations"}
+"""Folders and modules with texts of programs for simulators and vehicles."""
 MOST_WORDS = 25
 RULES = {
     "where": r"\bwhere\b",
@@ -98,7 +98,7 @@ def page_texts() -> Iterator[Text]:
 
 def code_texts() -> Iterator[Text]:
     """Yield the help texts of commands and all strings but code for other programs; values in a string are a word each."""
-    for path in sorted(path for path in SOURCES.rglob("*.py") if path.parent.name not in PROGRAMS):
+    for path in sorted(path for path in SOURCES.rglob("*.py") if PROGRAMS.isdisjoint((path.parent.name, path.stem))):
         tree, name = ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix()
         helping = [*tree.body] if path.parent.name == "commands" else []
         helping = [node for node in helping if isinstance(node, ast.FunctionDef) and not node.name.startswith("_")]

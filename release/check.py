@@ -24,6 +24,7 @@ PROBES = {
     "px4": "printf 'ULog\\001\\022\\065\\001' > a.ulg && seatrial inspect a.ulg",
     "parquet": "printf 'PAR1' > a.parquet && seatrial inspect a.parquet",
     "dashboard": "seatrial init demo && timeout 20 seatrial serve demo --port 0 --no-browser",
+    "export": "seatrial export remus100_hall_anstee --to fmu",
     "cluster": "seatrial init demo && SEATRIAL_WORKERS=tcp://127.0.0.1:1 seatrial design demo",
 }
 """A line of shell for each extra."""

@@ -9,7 +9,10 @@ from tests.cli.test_cli import results, run
 from tests.export.finished import finished
 
 MISTAKES = {
-    "no target": (["remus100_prestero"], ["--to", "one of gz, stonefish, fossen, holoocean, json, csv"]),
+    "no target": (
+        ["remus100_prestero"],
+        ["--to", "one of gz, stonefish, fossen, casadi, fmu, mjcf, holoocean, json, csv"],
+    ),
     "unknown target": (["remus100_prestero", "--to", "gazeebo"], ['"gazeebo"', "gz"]),
     "unknown vehicle": (
         ["remus100_presterro", "--to", "gz"],

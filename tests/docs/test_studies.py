@@ -22,6 +22,7 @@ import gpu
 import held_back
 import laboratory
 import paper_verdicts
+import programs
 import shapes
 import shortlists
 import study_numbers
@@ -39,6 +40,7 @@ PAGES = {
     "paper_verdicts": ("paper_verdicts", "", paper_verdicts.tables),
     "benchmark": ("benchmark", benchmark_tables.COMMAND, benchmark_tables.tables),
     "exports": ("exports", laboratory.COMMAND, laboratory.tables),
+    "export_programs": ("exports", programs.COMMAND, programs.tables),
     "gpu": ("../how-to/cluster", gpu.COMMAND, gpu.tables),
     "calibration": ("calibration", "", calibration.tables),
     "calibration_alarms": ("calibration", calibration_alarms.COMMAND, calibration_alarms.tables),

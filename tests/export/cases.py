@@ -3,9 +3,11 @@
 import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from seatrial.core.signals import ANGLES, POSITIONS, RATES
 from seatrial.export.target import Carried, Exporter, Statement
@@ -16,11 +18,22 @@ from seatrial.export.vehicle import (
     ExportProvenance,
     of_published,
 )
+from seatrial.export.write import EXPORTERS
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 from seatrial.vehicles.tether import Tether
 from seatrial.vehicles.whole import whole_vehicle
 
+# Every target; that of a library which is not installed is skipped.
+TARGETS = [
+    pytest.param(
+        name,
+        marks=pytest.mark.skipif(
+            name == "fmu" and find_spec("pythonfmu") is None, reason="pythonfmu is not installed: the extra `export`"
+        ),
+    )
+    for name in EXPORTERS
+]
 SIGN = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 COUNT = 1000
 HOSTILE = 'REMUS --> <b> & "100" """ \\ {n}'

@@ -23,12 +23,12 @@ from seatrial.export.write import (
 )
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
-from tests.export.cases import HOSTILE, PROVENANCE, published, rich, states, text_of, towing, with_terms
+from tests.export.cases import HOSTILE, PROVENANCE, TARGETS, published, rich, states, text_of, towing, with_terms
 
-OWN = ("json", "csv")
+OWN = ("json", "csv", "casadi", "fmu", "mjcf")  # Targets that hold a part of a vehicle
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", TARGETS)
 def test_conformance(name, tmp_path, monkeypatch):
     monkeypatch.setattr(manoeuvre, "DURATION", 1.0)
     exporter, vehicle = make_exporter(name), replace(rich(), name=HOSTILE)
@@ -63,7 +63,7 @@ def test_conformance(name, tmp_path, monkeypatch):
         assert loss_words(statement.loss) == "none"
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", TARGETS)
 def test_what_is_not_known_is_not_invented(name, tmp_path):
     exporter, vehicle = make_exporter(name), published("remus100_surge")
     if name in OWN:
@@ -114,7 +114,7 @@ def test_what_would_run_away_is_refused(name, terms, words, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", TARGETS)
 def test_every_target_refuses_what_would_run_away(name):
     with pytest.raises(InputError, match=f"export to {name}, X_uabsu"):
         make_exporter(name).check(with_terms(published(), X_uabsu=1.5))
@@ -200,7 +200,7 @@ def test_lags_that_a_target_lacks_count_in_the_loss(monkeypatch):
     assert surge.largest > 0.01
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", TARGETS)
 def test_every_lag_rate_and_limit_is_carried_or_named(name):
     vehicle = rich()
     carried = make_exporter(name).carries(vehicle)
@@ -238,7 +238,7 @@ def test_a_target_that_runs_away_is_said_to(monkeypatch):
     assert "u diverges in the target" in loss_words(state(Wild(), vehicle, PROVENANCE).loss)
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", TARGETS)
 def test_no_target_keeps_a_tether_and_each_says_so(name, tmp_path, monkeypatch):
     """The files are those of the vehicle without it but for the statement, and what it does to the motion is lost."""
     monkeypatch.setattr(manoeuvre, "DURATION", 8.0)

@@ -343,7 +343,7 @@ def export_to(
 
     Args:
         what: a vehicle; a finished campaign, or its folder; or the name of a published vehicle.
-        to: `gz`, `stonefish`, `fossen`, `holoocean`, `json` or `csv`.
+        to: a target, such as `gz`, `casadi` or `json`; `seatrial export --help` lists them.
         folder: of its files.
         draws: of a posterior of the coefficients of a vehicle; their means replace its values.
         structure: of a campaign, label of a structure instead of the chosen one.

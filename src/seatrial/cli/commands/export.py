@@ -9,7 +9,7 @@ import typer
 from seatrial.cli.answer import Answer, Exit, current_answer
 from seatrial.cli.running import Quiet, watched
 
-_TARGETS = "<gz|stonefish|fossen|holoocean|json|csv|mavlink|ros2|mcap>"
+_TARGETS = "<gz|stonefish|fossen|casadi|fmu|mjcf|holoocean|json|csv|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
 
 
