@@ -25,7 +25,7 @@ from seatrial.export.target import Exporter
 from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.export.write import export_vehicle, make_exporter, of_catalogue
 
-VEHICLES = ("bluerov2_heavy", "mariner", "remus100_surge", "remus100_prestero")
+VEHICLES = ("bluerov2_heavy", "mariner", "remus100_surge")
 DURATION, STEP = 40.0, 0.02
 COMMAND = "python release/simulators/programs.py --write"
 PROGRAMS = {"casadi": "casadi", "fmu": "fmpy", "mjcf": "mujoco"}  # Program that runs each target

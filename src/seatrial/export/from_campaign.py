@@ -3,7 +3,7 @@
 Nothing is computed here: results that are missing, or were made from another configuration than the folder now holds, are refused.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -337,6 +337,7 @@ def export_to(
     structure: str | None = None,
     rest: str | None = None,
     configuration: str | None = None,
+    announce: Callable[[Statement], None] | None = None,
     **options: Any,
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle in the format of a simulator or a table.
@@ -349,6 +350,7 @@ def export_to(
         structure: of a campaign, label of a structure instead of the chosen one.
         rest: of a campaign, published vehicle with all coefficients that it does not model.
         configuration: of a campaign, or of draws, in which coefficients differ between configurations of the vehicle.
+        announce: called with the statement, which says what is lost, before anything is written.
         options: of the target: `engine` of `gz`; `density` of the water, kg/m^3, of simulators.
 
     Returns:
@@ -372,7 +374,7 @@ def export_to(
         else:
             _refuse(str(what), structure=structure, rest=rest, configuration=configuration)
             vehicle, provenance = of_catalogue(str(what))
-    return export_vehicle(exporter, vehicle, provenance, out)
+    return export_vehicle(exporter, vehicle, provenance, out, announce)
 
 
 def of_estimates(

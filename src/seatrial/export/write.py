@@ -1,6 +1,6 @@
 """Writing an export: the exporter by the name that `--to` takes, the vehicle checked first, then every file whole, or none."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -93,7 +93,11 @@ def loss_words(loss: Iterable[MotionChange]) -> str:
 
 
 def export_vehicle(
-    exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProvenance, folder: Path
+    exporter: Exporter,
+    vehicle: ExportedVehicle,
+    provenance: ExportProvenance,
+    folder: Path,
+    announce: Callable[[Statement], None] | None = None,
 ) -> tuple[Statement, list[Path]]:
     """Write a vehicle's files into a folder; returns what they say of themselves, and their paths.
 
@@ -102,12 +106,15 @@ def export_vehicle(
         vehicle: to export.
         provenance: where it comes from.
         folder: to write into.
+        announce: called with the statement before anything is written.
 
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
     exporter.check(untethered(vehicle))
     statement = state(exporter, vehicle, provenance)
+    if announce is not None:
+        announce(statement)
     files = exporter.write(untethered(vehicle), statement)
     for name, content in files.items():
         write_bytes(folder / name, content) if isinstance(content, bytes) else write_text(folder / name, content)

@@ -88,8 +88,16 @@ def _vehicle(
         _only("a published vehicle", **named)
     here = Path(what) / "export" if is_folder else Path("export") / what
     folder = out or here / make_exporter(to, **options).name
-    statement, paths = export_to(what, to, folder, **chosen, **options)
-    _say(statement.lines, paths).give(target=statement.target, estimated=statement.estimated, loss=statement.loss)
+    # What is lost is printed before anything is written.
+    statement, paths = export_to(
+        what,
+        to,
+        folder,
+        announce=lambda statement: current_answer().say("\n".join(statement.lines)),
+        **chosen,
+        **options,
+    )
+    _name_files(paths).give(target=statement.target, estimated=statement.estimated, loss=statement.loss)
     return Exit.ALARMS if statement.provenance.cautions else Exit.OK
 
 
@@ -108,17 +116,17 @@ def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None)
     trial = read_trial(folder, schedule)
     place = out or folder / "export" / "trial"
     paths, without = write_plain(trial, place) if to is None else (write_trial(trial, place, (to,)), "")
-    answer = _say(trial.lines, paths)
+    current_answer().say("\n".join(trial.lines))
+    answer = _name_files(paths)
     answer.give(trial=trial.manoeuvre, control=trial.control)
     if without:
         answer.say(f"no script for MAVLink: {without}")
     return Exit.ALARMS if trial.caution else Exit.OK
 
 
-def _say(lines: Sequence[str], paths: Sequence[Path]) -> Answer:
-    """Print the statement of an export, and its files."""
+def _name_files(paths: Sequence[Path]) -> Answer:
+    """Print the files of an export."""
     answer = current_answer()
-    answer.say("\n".join(lines))
     for path in paths:
         answer.say(f"wrote: {path}")
         answer.name_file(path.name, path)

@@ -40,7 +40,7 @@ class CoSimulationUnit:
         check_mass(vehicle, self.name)
         check_stable(vehicle, self.name)
         with _packing():
-            import pythonfmu  # noqa: F401  (refused before anything is computed)
+            import pythonfmu  # noqa: F401  # pyright: ignore[reportMissingImports]  (refused before anything is computed)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything, since its code is written out."""
@@ -76,7 +76,7 @@ def packed(script: str, module: str) -> bytes:
         InputError: pythonfmu is not installed.
     """
     with _packing():
-        from pythonfmu.builder import FmuBuilder
+        from pythonfmu.builder import FmuBuilder  # pyright: ignore[reportMissingImports]
 
     path = list(sys.path)
     with tempfile.TemporaryDirectory() as folder:
