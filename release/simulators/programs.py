@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import study_numbers  # pyright: ignore[reportMissingImports]
-from laboratory import CHANNELS, History
+from laboratory import CHANNELS, History, study_numbers
 
 from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.manoeuvre import ManoeuvrePlan, plan_for, simulate

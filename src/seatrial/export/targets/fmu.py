@@ -87,22 +87,27 @@ def packed(script: str, module: str) -> bytes:
         finally:  # the builder imports the script, and would find this one again under the same name
             sys.path[:] = path
             sys.modules.pop(module, None)
-        return _undated(made, UUID(hex=sha256(script.encode()).hexdigest()[:32]))
+        return _finished(made, UUID(hex=sha256(script.encode()).hexdigest()[:32]))
 
 
 def _packing() -> AbstractContextManager[None]:
     return needing_extra("export", "export to fmu", "{}, which packs co-simulation units, is not installed")
 
 
-def _undated(path: Path, guid: UUID) -> bytes:
-    """Return the archive in order, without its date, and with an identifier that follows from its content."""
+def _finished(path: Path, guid: UUID) -> bytes:
+    """Return the archive in order, without its date, and with an identifier that follows from its content.
+
+    FMI 2 lists outputs that are computed at the start once more, which pythonfmu leaves out.
+    """
     stream = io.BytesIO()
     with zipfile.ZipFile(path) as made, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as result:
         for name in sorted(made.namelist()):
             content = made.read(name)
             if name == "modelDescription.xml":
                 text = re.sub(r'\bguid="[^"]*"', f'guid="{guid}"', content.decode(), count=1)
-                content = re.sub(r'\s*generationDateAndTime="[^"]*"', "", text, count=1).encode()
+                text = re.sub(r'\s*generationDateAndTime="[^"]*"', "", text, count=1)
+                outputs = r"<Outputs>(.*?)</Outputs>"
+                content = re.sub(outputs, r"\g<0><InitialUnknowns>\1</InitialUnknowns>", text, flags=re.DOTALL).encode()
             result.writestr(zipfile.ZipInfo(name, _UNDATED), content, zipfile.ZIP_DEFLATED)
     return stream.getvalue()
 
