@@ -88,7 +88,7 @@ def by_mujoco(folder: Path, vehicle: ExportedVehicle, plan: ManoeuvrePlan) -> Hi
         if i == 0:
             module.begin(model, data)
             mujoco.mj_forward(model, data)
-        turn = (module.FLIP[:, None] * data.xmat[1].reshape(3, 3)) * module.FLIP
+        turn = (module.FLIP[:, None] * module.turn_of(model, data)) * module.FLIP
         angles = np.arctan2(turn[2, 1], turn[2, 2]), -np.arcsin(turn[2, 0])
         found.append([*module.nu_of(model, data), *angles])
         mujoco.mj_step(model, data)

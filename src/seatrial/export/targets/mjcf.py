@@ -134,10 +134,16 @@ def begin(model, data):
         data.act[model.actuator(CONTROLS[i]).actadr[0]] = wanted[i]
 
 
+def turn_of(model, data):
+    """Rotation from MuJoCo's axes of the body to those of its world, by the attitude in qpos; xmat is that before the step."""
+    at, turn = model.joint(NAME).qposadr[0], np.empty(9)
+    mujoco.mju_quat2Mat(turn, data.qpos[at + 3 : at + 7] / np.linalg.norm(data.qpos[at + 3 : at + 7]))
+    return turn.reshape(3, 3)
+
+
 def nu_of(model, data):
     """Velocities through the water, forward, starboard and down."""
-    joint = model.joint(NAME)
-    at, turn = joint.dofadr[0], data.xmat[joint.bodyid[0]].reshape(3, 3)
+    at, turn = model.joint(NAME).dofadr[0], turn_of(model, data)
     across = FLIP * (turn.T @ (data.qvel[at : at + 3] - FLIP * water))
     return [*across.tolist(), *(FLIP * data.qvel[at + 3 : at + 6]).tolist()]
 
@@ -148,7 +154,7 @@ def passive(model, data):
     if found < 0:
         return
     at, body = model.jnt_dofadr[found], model.jnt_bodyid[found]
-    turn, centre = data.xmat[body].reshape(3, 3), model.body_ipos[body]
+    turn, centre = turn_of(model, data), model.body_ipos[body]
     push, twist = data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:]
     push_here = turn.T @ (data.qfrc_applied[at : at + 3] + push)
     twist_here = data.qfrc_applied[at + 3 : at + 6] + turn.T @ twist + np.cross(centre, turn.T @ push)
