@@ -60,7 +60,8 @@ def by_fmpy(folder: Path, vehicle: ExportedVehicle, plan: ManoeuvrePlan) -> Hist
 
     (path,) = folder.glob("*.fmu")
     order = vehicle.controls
-    rows = [(t, *(plan.controls(t)[name] for name in order)) for t in times()]
+    # FMPy interpolates between rows: each stands at its step, with the command that is held from there.
+    rows = [(STEP * i, *(plan.controls(t)[name] for name in order)) for i, t in enumerate(times())]
     found = fmpy.simulate_fmu(
         str(path),
         stop_time=DURATION,

@@ -6,6 +6,7 @@ from the coefficients or None in the hull, never zero by default.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import isclose
 
 import numpy as np
@@ -174,7 +175,7 @@ class ExportedVehicle:
             name: value for name, value in self.coefficients.items() if not CoefficientName.parse(name).is_added_mass
         }
 
-    @property
+    @cached_property
     def controls(self) -> tuple[str, ...]:
         """Names of its controls."""
         return self.model().controls
