@@ -9,7 +9,6 @@ import argparse
 import importlib.metadata
 import importlib.util
 import tempfile
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -107,14 +106,12 @@ def times() -> np.ndarray:
 
 
 def compared(target: str, label: str) -> dict[str, Any]:
-    """Largest difference and range of each channel that moves, and the processor time of the export."""
+    """Largest difference and range of each channel that moves."""
     exporter: Exporter = make_exporter(target)
     vehicle, provenance = of_catalogue(label)
     assert isinstance(provenance, ExportProvenance)
     with tempfile.TemporaryDirectory() as name:
-        begun = time.process_time()
         export_vehicle(exporter, vehicle, provenance, Path(name))
-        taken = time.process_time() - begun
         plan = plan_for(vehicle, motion_of(vehicle))
         theirs = RUNS[target](Path(name), vehicle, plan)
     start = np.array([plan.speed, *[0.0] * 7])
@@ -129,24 +126,18 @@ def compared(target: str, label: str) -> dict[str, Any]:
             CHANNELS[i]: [float(f"{np.abs(theirs - ours)[:, i].max():.2g}"), float(f"{np.ptp(ours[:, i]):.2g}")]
             for i in moving
         },
-        "processor time, s": round(taken, 2),
     }
 
 
 def tables(numbers: Mapping[str, Any]) -> str:
     """The table of docs/dev/exports.md: of each vehicle the velocity that differs most by its range."""
-    lines = [
-        "| target | run by | vehicle | largest difference in 40 s | time of the export |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    lines = ["| target | run by | vehicle | largest difference in 40 s |", "| --- | --- | --- | --- |"]
     for row in numbers["rows"]:
         name, (gap, reach) = max(
             ((key, pair) for key, pair in row["largest"].items() if key in RATES), key=lambda one: one[1][0] / one[1][1]
         )
         worst = f"{name} {gap:.1e} of {reach:.2g} {signal_unit(name)}"
-        lines.append(
-            f"| `{row['target']}` | {row['program']} | {row['vehicle']} | {worst} | {row['processor time, s']:.1f} s |"
-        )
+        lines.append(f"| `{row['target']}` | {row['program']} | {row['vehicle']} | {worst} |")
     return "\n".join([*lines, ""])
 
 

@@ -7,6 +7,7 @@ Motion Control, 2nd ed., 2021, eqs. (3.56), (6.43) and (8.1) to (8.4).
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ Motion = Callable[[Velocity, Any, Any, Mapping[str, Any]], Velocity]
 CURRENT_IN_BODY = ("current_u", "current_v", "current_w")
 
 
+@lru_cache(maxsize=4)  # one function for one vehicle: a target that keeps it all is known by it
 def motion_of(vehicle: ExportedVehicle) -> Motion:
     """Return the accelerations of the vehicle; those of velocities that do not move are zero."""
     return motion_with(vehicle, force_of(vehicle))

@@ -62,7 +62,7 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     carried, own = carried_by(exporter, vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
     before = run_manoeuvre(own, vehicle.actuators, plan)
-    same = not (carried.lost or carried.changed)
+    same = not (carried.lost or carried.changed) or (carried.motion is own and carried.actuators == vehicle.actuators)
     after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
     loss = changes(vehicle, before, after)
     drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
@@ -81,7 +81,7 @@ def carried_by(exporter: Exporter, vehicle: ExportedVehicle) -> Carried:
 
 def untethered(vehicle: ExportedVehicle) -> ExportedVehicle:
     """Return the vehicle that a target is given."""
-    return replace(vehicle, hull=replace(vehicle.hull, tether=None))
+    return vehicle if vehicle.hull.tether is None else replace(vehicle, hull=replace(vehicle.hull, tether=None))
 
 
 def loss_words(loss: Iterable[MotionChange]) -> str:

@@ -95,10 +95,7 @@ def _packing() -> AbstractContextManager[None]:
 
 
 def _finished(path: Path, guid: UUID) -> bytes:
-    """Return the archive in order, without its date, and with an identifier that follows from its content.
-
-    FMI 2 lists outputs that are computed at the start once more, which pythonfmu leaves out.
-    """
+    """Return the archive in order, without its date, and with an identifier that follows from its content."""
     stream = io.BytesIO()
     with zipfile.ZipFile(path) as made, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as result:
         for name in sorted(made.namelist()):
@@ -106,7 +103,9 @@ def _finished(path: Path, guid: UUID) -> bytes:
             if name == "modelDescription.xml":
                 text = re.sub(r'\bguid="[^"]*"', f'guid="{guid}"', content.decode(), count=1)
                 text = re.sub(r'\s*generationDateAndTime="[^"]*"', "", text, count=1)
-                outputs = r"<Outputs>(.*?)</Outputs>"
+                outputs = (
+                    r"<Outputs>(.*?)</Outputs>"  # FMI 2 has those computed at the start once more; pythonfmu has not
+                )
                 content = re.sub(outputs, r"\g<0><InitialUnknowns>\1</InitialUnknowns>", text, flags=re.DOTALL).encode()
             result.writestr(zipfile.ZipInfo(name, _UNDATED), content, zipfile.ZIP_DEFLATED)
     return stream.getvalue()
