@@ -297,7 +297,7 @@ def test_a_gain_is_kept_by_speed_and_named_by_force():
         assert words in carried.lost
     law = with_law()
     turning = replace(with_terms(law, T_nabsn=0.01), numbers={"gain_n_3": law.numbers["gain_f_3"]}, actuators={})
-    assert not any("gain" in line or "force" in line for line in Gz().carries(turning).lost)
+    assert not any("gain" in line or "commanded" in line for line in Gz().carries(turning).lost)
     assert drives_of(turning)[0][2].factor == pytest.approx(0.007)
     nu, phi, theta, controls = states(turning, count=20)
     assert_equal(
