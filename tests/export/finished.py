@@ -51,6 +51,7 @@ def finished(folder: Path, *replacements: tuple[str, str], alarms=(), beside=(),
                 "prior_lower": ("parameter", np.full(len(names), -np.inf)),
                 "prior_upper": ("parameter", np.full(len(names), np.inf)),
                 "unit": ("parameter", ["s" if name == "delay" else "1" for name in names]),
+                "prior_sd": ("parameter", np.full(len(names), 0.5) * np.abs(mean)),
             },
             coords={"parameter": names},
         )

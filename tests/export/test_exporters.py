@@ -25,7 +25,7 @@ from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.catalogue import load_vehicle
 from tests.export.cases import HOSTILE, PROVENANCE, TARGETS, published, rich, states, text_of, towing, with_terms
 
-OWN = ("json", "csv", "casadi", "fmu", "mjcf")  # Targets that hold a part of a vehicle
+OWN = ("json", "csv", "casadi", "fmu", "mjcf", "control", "draws")  # Targets that hold a part of a vehicle
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -13,7 +13,7 @@ import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from seatrial.core.argument_checks import check_kind
@@ -89,16 +89,7 @@ class CoefficientName:
             InputError: malformed name; the message points at the first character that cannot be read.
         """
         check_kind(text, str, "coefficient name", EXAMPLES)
-        axis, separator, rest = text.partition("_")
-        if axis not in AXES or not separator:
-            raise InputError(
-                f'coefficient name "{text}"',
-                found=f'"{text}", which is not a term: "{axis}" instead of the axis',
-                expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
-                remedy=EXAMPLES,
-            )
-        factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
-        return cls(text, axis, factors, _key(factors))
+        return _read(text)
 
     @classmethod
     def own(cls, text: str, unit: str) -> "CoefficientName":
@@ -170,6 +161,20 @@ class CoefficientName:
 
     def __str__(self) -> str:
         return self.text
+
+
+@lru_cache(maxsize=4096)  # checks of many draws ask for the same names
+def _read(text: str) -> CoefficientName:
+    axis, separator, rest = text.partition("_")
+    if axis not in AXES or not separator:
+        raise InputError(
+            f'coefficient name "{text}"',
+            found=f'"{text}", which is not a term: "{axis}" instead of the axis',
+            expected="an axis and an underscore, one of " + " ".join(f"{name}_" for name in AXES),
+            remedy=EXAMPLES,
+        )
+    factors = () if rest == "0" else _factors(text, rest, offset=len(axis) + 1)
+    return CoefficientName(text, axis, factors, _key(factors))
 
 
 def _factors(text: str, rest: str, offset: int) -> tuple[Factor, ...]:

@@ -39,6 +39,7 @@ from seatrial.export.vehicle import (
     EstimatedNumber,
     ExportedVehicle,
     ExportProvenance,
+    PriorRanges,
     of_published,
     rest_for,
     same_mass,
@@ -308,6 +309,7 @@ def _estimated(
         for one in summary.averaged
         if is_coefficient(kept.get(one.name, ""))
     )
+    rows = estimate.data.sel(parameter=list(names))
     return CoefficientEstimates(
         names,
         estimate.draws(names).mean(0),
@@ -315,6 +317,7 @@ def _estimated(
         covariance,
         averaged,
         summary.quoted if averaged else "",
+        PriorRanges(*(rows[f"prior_{key}"].values for key in PriorRanges._fields)),
     )
 
 

@@ -4,6 +4,7 @@ Mass that is not positive definite, damping that gives energy, and added mass th
 """
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -34,7 +35,8 @@ def check_stable(vehicle: ExportedVehicle, target: str) -> None:
     _check_mass(vehicle, place)
     # Quadratic drag of a velocity on its own axis must take energy by itself.
     own = {CoefficientName.parse(f"{axis}_{rate}abs{rate}") for axis, rate in zip(AXES, RATES, strict=True)}
-    for name, value in vehicle.forces.items():
+    forces = vehicle.forces
+    for name, value in forces.items():
         if CoefficientName.parse(name) in own and value > 0:
             raise InputError(
                 f"{place}, {name}",
@@ -46,7 +48,7 @@ def check_stable(vehicle: ExportedVehicle, target: str) -> None:
     singles = [{rate: _RANGE[rate]} for rate in vehicle.moves]
     pairs = [{a: _RANGE[a], b: _RANGE[b]} for a, b in _COUPLED_VELOCITIES if a in vehicle.moves and b in vehicle.moves]
     for speeds in [*singles, *pairs, {rate: _RANGE[rate] for rate in vehicle.moves}]:
-        findings = dissipation_findings(vehicle.forces, speeds)
+        findings = dissipation_findings(forces, speeds)
         if findings:
             name = _culprit(vehicle, speeds)
             raise InputError(
@@ -141,6 +143,7 @@ def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:
     return None
 
 
+@lru_cache(maxsize=1024)
 def _is_damping(name: CoefficientName) -> bool:
     """Return whether a term is damping: of velocities alone, and no plain product of two."""
     plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)

@@ -23,6 +23,7 @@ class Carried(NamedTuple):
         changed: what it carries in another form, in words.
         actuators: lags, rates and limits that it has, by control; a control without one acts at once.
         reversed: controls whose command in the target is minus the vehicle's, since the target's own convention has them so.
+        notes: further results of the target, line by line.
     """
 
     motion: Motion
@@ -30,6 +31,7 @@ class Carried(NamedTuple):
     changed: tuple[str, ...] = ()
     actuators: Mapping[str, Actuator] = MappingProxyType({})
     reversed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isclose
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -47,6 +48,14 @@ class AveragedCoefficient:
     inclusion: float
 
 
+class PriorRanges(NamedTuple):
+    """Bounds and standard deviation of the prior of each coefficient, SI."""
+
+    lower: Float[np.ndarray, " k"]
+    upper: Float[np.ndarray, " k"]
+    sd: Float[np.ndarray, " k"]
+
+
 @dataclass(frozen=True, eq=False)
 class CoefficientEstimates:
     """The coefficients by the data, SI.
@@ -58,6 +67,7 @@ class CoefficientEstimates:
         covariance: of these standard deviations, with the correlations of the posterior.
         averaged: over all structures; none if there was only one.
         quoted: the values to quote, `chosen` or `averaged`; empty if this is not stated.
+        prior: what was known before; None if this is not stated.
     """
 
     names: tuple[str, ...] = ()
@@ -66,6 +76,7 @@ class CoefficientEstimates:
     covariance: Float[np.ndarray, "k k"] = field(default_factory=lambda: np.zeros((0, 0)))
     averaged: tuple[AveragedCoefficient, ...] = ()
     quoted: str = ""
+    prior: PriorRanges | None = None
 
 
 @dataclass(frozen=True)

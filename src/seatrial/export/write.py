@@ -18,7 +18,9 @@ from seatrial.export.manoeuvre import ManoeuvrePlan, changes, command_line, grow
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, MotionChange, Statement
 from seatrial.export.targets.casadi_module import CasadiModule
+from seatrial.export.targets.control import Control
 from seatrial.export.targets.csv_table import CsvTable
+from seatrial.export.targets.draws import DrawsTable
 from seatrial.export.targets.fmu import CoSimulationUnit
 from seatrial.export.targets.fossen import Fossen
 from seatrial.export.targets.gz import Gz
@@ -48,6 +50,8 @@ EXPORTERS: dict[str, type[Exporter]] = {
     "holoocean": HoloOcean,
     "json": OwnJson,
     "csv": CsvTable,
+    "control": Control,
+    "draws": DrawsTable,
 }
 
 
@@ -257,7 +261,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
             "at that speed the vehicle is unstable without control: small differences grow "
             f"{np.exp(statement.growth):.1f} times each second, also those of unsupported terms"
         )
-    return lines
+    return [*lines, *carried.notes]
 
 
 def _change_words(change: MotionChange) -> str:

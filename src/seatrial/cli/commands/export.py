@@ -9,7 +9,7 @@ import typer
 from seatrial.cli.answer import Answer, Exit, current_answer
 from seatrial.cli.running import Quiet, watched
 
-_TARGETS = "<gz|stonefish|fossen|casadi|fmu|mjcf|holoocean|json|csv|mavlink|ros2|mcap>"
+_TARGETS = "<gz|stonefish|fossen|casadi|fmu|mjcf|holoocean|json|csv|control|draws|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
 
 
@@ -49,6 +49,16 @@ def export(
         str | None,
         typer.Option(metavar="QUANTITY", help='Density of the water, for simulators; "1025 kg/m^3" if not given.'),
     ] = None,
+    speeds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIST", help='With --to control: speeds ahead, such as "0.5, 1 m/s"; about trim if not given.'
+        ),
+    ] = None,
+    draws: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="With --to control or draws: draws of the posterior; 256 if not given."),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Export the vehicle to a simulator, or the next trial.
@@ -62,10 +72,17 @@ def export(
         folder = Path(what)
         if trial:
             vehicle = {"structure": structure, "configuration": configuration, "fill_from": rest}
-            _only("--trial", **vehicle, engine=engine, density=density)
+            _only("--trial", **vehicle, engine=engine, density=density, speeds=speeds, draws=draws)
             return _trial(folder, to, out, schedule)
         _only("a vehicle, without --trial", schedule=schedule)
-        options = {"engine": engine, "density": None if density is None else quantity(density, "kg/m^3", "--density")}
+        water = None if density is None else quantity(density, "kg/m^3", "--density")
+        options = {"engine": engine, "density": water, "draws": draws}
+        if speeds is not None:
+            *others, last = speeds.split(",")
+            unit = last.strip().partition(" ")[2]
+            options["speeds"] = tuple(
+                quantity(f"{one.strip()} {unit}", "m/s", "--speeds") for one in (*others, last.replace(unit, ""))
+            )
         return _vehicle(what, to, out, {"structure": structure, "rest": rest, "configuration": configuration}, options)
 
     watched(quiet, work)

@@ -1,0 +1,191 @@
+"""Correlated draws of estimated coefficients, each a vehicle that can move: scenarios of a controller, ranges of a learner.
+
+Draws are normal, with the mean and covariance of the export, within the bounds of the priors. A draw without a positive definite mass
+matrix, or whose damping gives energy, is counted and replaced. The set of robust design is the ellipsoid
+
+    (x - mean)' covariance^-1 (x - mean) <= r^2,    r^2 the quantile of chi-square with k degrees of freedom.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.special import gammaincinv
+
+from seatrial.core.argument_checks import check_number
+from seatrial.core.errors import InputError
+from seatrial.export.stability import check_stable
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle
+
+DRAWS = 256  # Draws if no other number is asked for
+MAX_DRAWS = 100_000
+SET_PROBABILITY = 0.9  # Of the ellipsoid
+OUTSIDE = "bounds of the priors"
+NOT_INFORMED = 0.9  # Share of the prior's standard deviation from which the data did not inform a coefficient
+_MAX_TRIES = 20  # Draws that are tried for each one that is wanted
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Draws of the estimated coefficients of a vehicle, all of one weight.
+
+    Attributes:
+        names: of the coefficients.
+        values: SI, shape (n, k).
+        replaced: number of draws that were replaced, by the coefficient of which they have an impossible value.
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, "n k"]
+    replaced: Mapping[str, int]
+
+
+class Width(NamedTuple):
+    """How far to randomise a coefficient: its value, and its standard deviation by the data and before them, SI.
+
+    `by_data` is False if the data did not inform it: its width is then the prior's.
+    """
+
+    name: str
+    value: float
+    sd: float
+    prior_sd: float | None
+    by_data: bool
+
+
+class Ellipsoid(NamedTuple):
+    """Set that holds a share of the posterior, SI: centre (k,), matrix (k, k) in front of r^2, and the squared radius."""
+
+    names: tuple[str, ...]
+    centre: Float[np.ndarray, " k"]
+    matrix: Float[np.ndarray, "k k"]
+    squared_radius: float
+    probability: float
+
+    def holds(self, values: Float[np.ndarray, "... k"]) -> np.ndarray:
+        """Return whether vectors of coefficients lie inside."""
+        away = np.asarray(values, float) - self.centre
+        scale = np.sqrt(np.diag(self.matrix))
+        solved = np.linalg.solve(self.matrix / np.outer(scale, scale), (away / scale)[..., None])[..., 0]
+        return np.sum(away / scale * solved, -1) <= self.squared_radius
+
+
+def check_estimated(vehicle: ExportedVehicle, target: str) -> None:
+    """Refuse a vehicle of which nothing was estimated.
+
+    Raises:
+        InputError: it has no covariance.
+    """
+    if not vehicle.estimated.names:
+        raise InputError(
+            f'vehicle "{vehicle.name}", export to {target}',
+            found="values without a covariance, so that there is nothing to draw from",
+            expected="coefficients that were estimated",
+            remedy="export a finished campaign, or give the `draws` of a posterior to `seatrial.export_vehicle`",
+        )
+
+
+@lru_cache(maxsize=4)
+def ensemble_of(vehicle: ExportedVehicle, count: int = DRAWS, seed: int = 0) -> Ensemble:
+    """Return draws of a vehicle's estimated coefficients; the same arguments give the same draws.
+
+    Args:
+        vehicle: with estimated coefficients.
+        count: number of draws.
+        seed: of the draws.
+
+    Raises:
+        InputError: a count that is none, or a posterior of which hardly any vehicle can move.
+    """
+    place = f'vehicle "{vehicle.name}", draws'
+    check_number(count, place, least=2, below=MAX_DRAWS + 1, remedy=f"ask for 2 to {MAX_DRAWS}")
+    estimated, kept, replaced = vehicle.estimated, [], Counter()
+    bounds = estimated.prior or (np.full(estimated.mean.shape, -np.inf), np.full(estimated.mean.shape, np.inf))
+    correlation = estimated.covariance / np.outer(estimated.sd, estimated.sd)
+    random = np.random.default_rng(seed)
+    tries = random.multivariate_normal(np.zeros(estimated.sd.size), correlation, _MAX_TRIES * count, method="eigh")
+    for values in estimated.mean + estimated.sd * tries:
+        if np.any((values <= bounds[0]) | (values >= bounds[1])):
+            replaced[OUTSIDE] += 1
+            continue
+        try:
+            check_stable(drawn_vehicle(vehicle, values), "draws")
+        except InputError as refusal:
+            replaced[refusal.where.rpartition(", ")[2]] += 1
+            continue
+        kept.append(values)
+        if len(kept) == count:
+            return Ensemble(estimated.names, np.array(kept), dict(replaced))
+    raise InputError(
+        place,
+        found=f"{len(kept)} of {len(tries)} draws that can be a vehicle; impossible: {_counts(replaced)}",
+        expected="a posterior most of which is possible",
+        remedy="give these coefficients priors that end at 0 (`dissipative = true`), or run a trial that determines them",
+    )
+
+
+def drawn_vehicle(vehicle: ExportedVehicle, values: Float[np.ndarray, " k"]) -> ExportedVehicle:
+    """Return a vehicle with other values of its estimated coefficients, SI, shape (k,)."""
+    drawn = dict(zip(vehicle.estimated.names, map(float, values), strict=True))
+    return replace(vehicle, coefficients={**vehicle.coefficients, **drawn})
+
+
+def widths_of(estimated: CoefficientEstimates) -> tuple[Width, ...]:
+    """Return how far to randomise each coefficient."""
+    prior = [None] * len(estimated.names) if estimated.prior is None else estimated.prior.sd.tolist()
+    return tuple(
+        Width(name, float(mean), float(sd), before, before is None or bool(sd < NOT_INFORMED * before))
+        for name, mean, sd, before in zip(estimated.names, estimated.mean, estimated.sd, prior, strict=True)
+    )
+
+
+def ellipsoid_of(estimated: CoefficientEstimates, probability: float = SET_PROBABILITY) -> Ellipsoid:
+    """Return the set that holds a share of a normal posterior of this mean and covariance."""
+    squared = 2.0 * float(gammaincinv(estimated.mean.size / 2, probability))  # the quantile of chi-square
+    return Ellipsoid(estimated.names, estimated.mean, estimated.covariance, squared, probability)
+
+
+def ensemble_lines(vehicle: ExportedVehicle, ensemble: Ensemble) -> tuple[str, ...]:
+    """Return how the draws came about, how far to randomise, and the ellipsoid, line by line."""
+    count, total = len(ensemble.values), sum(ensemble.replaced.values())
+    ellipsoid = ellipsoid_of(vehicle.estimated)
+    lines = [
+        f"draws: {count}, each with a positive definite mass matrix and damping that takes energy; {total} others were impossible and "
+        f"replaced" + (f" ({_counts(ensemble.replaced)})" if total else ""),
+        "randomise, as standard deviations:",
+        *(f"  {_width_words(vehicle, width)}" for width in widths_of(vehicle.estimated)),
+    ]
+    known = [name for name in vehicle.coefficients if name not in ensemble.names]
+    lines += [f"not in the draws, because they were not estimated: {' '.join(known)}"] if known else []
+    return (
+        *lines,
+        f"ellipsoid of {ellipsoid.probability:.0%} of the posterior: mean, covariance and r^2 = {ellipsoid.squared_radius:.4g}; "
+        f"{ellipsoid.holds(ensemble.values).mean():.0%} of the draws are inside",
+    )
+
+
+def _width_words(vehicle: ExportedVehicle, width: Width) -> str:
+    unit = vehicle.unit(width.name)
+    sd = width.sd if width.by_data or width.prior_sd is None else width.prior_sd
+    words = f"{width.name} = {width.value:.4g} {unit} by {_share(sd, width.value)} ({sd:.2g} {unit})"
+    if not width.by_data:
+        return f"{words}: the data did not inform it, this width is the prior's"
+    if width.prior_sd is not None:
+        words += f", not by {_share(width.prior_sd, width.value)} as before the data"
+    averaged = [one for one in vehicle.estimated.averaged if one.name == width.name]
+    if vehicle.estimated.quoted == "averaged" and averaged:
+        words += f"; averaged over all models {averaged[0].mean:.4g} ± {averaged[0].sd:.2g}"
+    return words
+
+
+def _share(sd: float, value: float) -> str:
+    share = 100 * sd / abs(value) if value else np.inf
+    return "more than its value" if share > 1000 else f"{share:.0f} %" if share >= 10 else f"{share:.2g} %"
+
+
+def _counts(replaced: Mapping[str, int]) -> str:
+    return ", ".join(f"{number} by {name}" for name, number in replaced.items())

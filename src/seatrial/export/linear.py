@@ -1,0 +1,374 @@
+"""Small motions about steady motion ahead, for a controller's author: d(dx)/dt = A dx + B dc, dy = C dx, for the mean and each draw.
+
+Derivatives are exact, by forward differentiation; a lag is d(act)/dt = (c - act) / T. Sway and yaw by the rudder are Nomoto's model
+
+    r / delta = K (1 + T3 s) / ((1 + T1 s) (1 + T2 s)),    T = T1 + T2 - T3
+
+K. Nomoto et al., On the steering qualities of ships, International Shipbuilding Progress 4 (1957).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import permutations
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+from seatrial.core.errors import InputError
+from seatrial.core.signals import ACTUAL, RATES, signal_unit
+from seatrial.export.ensemble import Ensemble
+from seatrial.export.manoeuvre import DEFAULT_SPEED
+from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.model import VehicleModel
+from seatrial.vehicles.thrusters import allocation
+from seatrial.vehicles.whole import whole_vehicle
+
+# Subsystems: their velocities and angles, the output, and the controls of a vehicle without thrusters, the first it has.
+PARTS = {
+    "surge": (("u",), "u", ("n", "tau_X")),
+    "yaw": (("v", "r"), "r", ("delta_r", "tau_N")),
+    "pitch": (("w", "q", "theta"), "theta", ("delta_s", "tau_M")),
+    "roll": (("p", "phi"), "phi", ("tau_K",)),
+}
+_AXIS = {"u": 0, "r": 5, "theta": 4, "phi": 3}  # Of the force of thrusters that moves an output
+# Unknowns of a trim beside the controls, the fewest first.
+_FREE = ((), ("phi", "theta"), ("phi", "theta", "v", "w"))
+_STEPS, _SETTLED, _STEEPEST = 40, 1e-9, 1.0
+_FIRST_TURNS = 100.0  # rad/s, where the search for a propeller's speed starts: at 0 thrust has no slope
+_QUICK = {
+    "xla_backend_optimization_level": 0,
+    "xla_cpu_parallel_codegen_split_count": 1,
+    "xla_cpu_use_fusion_emitters": False,
+}  # Of the compiler: it is called few times, and better code takes it three times as long
+UNDETERMINED = 0.5  # Share of a pole above which its ± says that the data do not determine it
+_ROUNDING = 1e-9  # Share of a complex number below which a part of it is rounding
+_NO_ERROR = 1e-6  # Share of a pole below which no estimated coefficient moves it
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """A vehicle about one trim, SI; row 0 of each array is the mean, the others are the draws. NaN if a draw has no trim.
+
+    Attributes:
+        speed: ahead, m/s.
+        states: d names, those of the actuators last.
+        inputs: c names.
+        outputs: states that are no actuators.
+        state: trim, shape (1 + n, d).
+        control: trim, shape (1 + n, c).
+        a: shape (1 + n, d, d).
+        b: shape (1 + n, d, c).
+        balance: surge acceleration that holds the speed although no control can, m/s^2; 0 if a control does.
+    """
+
+    speed: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    state: Float[np.ndarray, "m d"]
+    control: Float[np.ndarray, "m c"]
+    a: Float[np.ndarray, "m d d"]
+    b: Float[np.ndarray, "m d c"]
+    balance: float
+
+    @property
+    def c(self) -> Float[np.ndarray, "o d"]:
+        """Output matrix; D is zero."""
+        return np.eye(len(self.states))[: len(self.outputs)]
+
+
+class Part(NamedTuple):
+    """A subsystem without the lags of the actuators, driven along one direction of the controls."""
+
+    name: str
+    states: tuple[str, ...]
+    output: str
+    input: str
+    direction: Float[np.ndarray, " c"]
+    a: Float[np.ndarray, "m s s"]
+    b: Float[np.ndarray, "m s"]
+
+
+class Known(NamedTuple):
+    """A number of the mean vehicle, half the width of the central 68 % of the draws, and its unit; no ± without draws."""
+
+    name: str
+    value: complex
+    sd: float | None
+    unit: str
+
+
+@lru_cache(maxsize=4)
+def linearise(vehicle: ExportedVehicle, speeds: tuple[float, ...], ensemble: Ensemble | None) -> list[LinearModel]:
+    """Return the linear models of a vehicle, one for each speed.
+
+    Args:
+        vehicle: with its actuators.
+        speeds: ahead, m/s.
+        ensemble: draws of its estimated coefficients; None for a vehicle without.
+
+    Raises:
+        InputError: a speed at which the vehicle has no steady motion.
+    """
+    model = _model(vehicle)
+    names = tuple(name.text for name in model.coefficients)
+    mean = np.array([[vehicle.coefficients[name] for name in names]])
+    values = (
+        mean
+        if ensemble is None
+        else np.concatenate([mean, ensemble.values[:, [ensemble.names.index(n) for n in names]]])
+    )
+    return [_at_speed(vehicle, model, dict(zip(names, values.T, strict=True)), len(values), speed) for speed in speeds]
+
+
+def usual_speeds(vehicle: ExportedVehicle) -> tuple[float, ...]:
+    """Return half, the whole and one and a half of the trim speed; rest too for an open frame, which hovers."""
+    trim = vehicle.hull.trim.get("u", 1.0 if vehicle.thrusters else DEFAULT_SPEED)
+    return (0.0, 0.5 * trim, trim) if vehicle.thrusters else (0.5 * trim, trim, 1.5 * trim)
+
+
+def parts_of(vehicle: ExportedVehicle, linear: LinearModel) -> list[Part]:
+    """Return the subsystems that a vehicle has, each by its drive."""
+    parts = []
+    for name, (members, output, drives) in PARTS.items():
+        states = tuple(state for state in members if state in linear.outputs)
+        if not states:
+            continue
+        at = [linear.states.index(state) for state in states]
+        label, direction = _drive(vehicle, linear, output, drives) or ("", np.zeros(len(linear.inputs)))
+        output = output if output in states else states[-1]
+        through = _direct(linear) @ direction
+        parts.append(Part(name, states, output, label, direction, linear.a[:, at][:, :, at], through[:, at]))
+    return parts
+
+
+def poles_of(a: Float[np.ndarray, "m s s"]) -> Complex[np.ndarray, "m s"]:
+    """Return the poles of each matrix, 1/s, in the order of those of the first, slow ones first."""
+    good = np.isfinite(a).all((1, 2))
+    values = np.full(a.shape[:2], np.nan, complex)
+    values[good] = np.linalg.eigvals(a[good])
+    first = values[0][np.lexsort((values[0].imag, np.abs(values[0])))]
+    orders = np.array(list(permutations(range(a.shape[1]))))
+    distance = np.abs(values[:, orders] - first).sum(-1)
+    return np.take_along_axis(values, orders[np.argmin(np.nan_to_num(distance, nan=np.inf), 1)], 1)
+
+
+def pole_names(a: Float[np.ndarray, "s s"], states: Sequence[str]) -> list[str]:
+    """Return the state with the largest part in each pole, in the order of `poles_of`."""
+    values, right = np.linalg.eig(a)
+    order = np.lexsort((values.imag, np.abs(values)))
+    try:
+        part = np.abs(right * np.linalg.inv(right).T)
+    except np.linalg.LinAlgError:  # two equal poles with one direction
+        part = np.abs(right)
+    return [states[int(np.argmax(part[:, i]))] for i in order]
+
+
+def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
+    """Return poles, time constants and gain of a subsystem, and Nomoto's K and T of yaw by a rudder."""
+    rows, unit = [], f"{signal_unit(part.output)} per {input_unit(part.input)}"
+    names, poles = pole_names(part.a[0], part.states), poles_of(part.a)
+    upper = [i for i, pole in enumerate(poles[0]) if pole.imag >= 0]  # of two conjugate poles one
+    for i in upper:
+        label = names[i] + (f" {i + 1}" if [names[j] for j in upper].count(names[i]) > 1 else "")
+        rows.append(_known(f"pole of {label}", poles[:, i], "1/s", ensemble_size))
+        size = poles[0, i].real
+        if abs(size) > _ROUNDING * max(abs(poles[0, i]), 1e-6):
+            time, sign = ("time constant", -1.0) if size < 0 else ("growth time", 1.0)
+            rows.append(_known(f"{time} of {label}", sign / poles[:, i].real, "s", ensemble_size))
+    determinant = np.linalg.det(part.a)
+    if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
+        return rows
+    gain = gains_of(part)
+    if part.input != "delta_r":
+        return [*rows, _known(f"gain {part.output} by {part.input}", gain, unit, ensemble_size)]
+    rows.append(_known("Nomoto K", gain, unit, ensemble_size))
+    at = part.states.index("r")
+    # numerator b_r s + K det of the transfer function, with one state b_r
+    lead = part.b[:, at] / (gain * determinant) if len(part.states) == 2 else np.zeros(len(gain))
+    total = -np.trace(part.a, axis1=1, axis2=2) / determinant if len(part.states) == 2 else -1.0 / part.a[:, 0, 0]
+    return [*rows, _known("Nomoto T", total - lead, "s", ensemble_size)]
+
+
+def gains_of(part: Part) -> Float[np.ndarray, " m"]:
+    """Return the steady output by a unit of the input, SI."""
+    result = -np.linalg.solve(part.a, part.b[..., None])[:, part.states.index(part.output), 0]
+    return np.where(np.abs(result) < _ROUNDING * np.abs(part.b).max(), 0.0, result)
+
+
+def responses(linear: LinearModel, part: Part, frequency: Float[np.ndarray, " f"]) -> Complex[np.ndarray, "m f"]:
+    """Return the frequency response of the whole model, with its lags, from the input of a subsystem to its output.
+
+    Args:
+        linear: whole model.
+        part: subsystem.
+        frequency: rad/s, above 0.
+    """
+    good = np.isfinite(linear.a).all((1, 2))
+    result = np.full((len(linear.a), frequency.size), np.nan, complex)
+    driven = (linear.b @ part.direction)[good][:, :, None]
+    for i, omega in enumerate(frequency):
+        solved = np.linalg.solve(1j * omega * np.eye(len(linear.states)) - linear.a[good], driven)
+        result[good, i] = solved[:, linear.states.index(part.output), 0]
+    return result
+
+
+def verdict(known: Known) -> str:
+    """Return `undetermined` for a number whose ± is above half of it, `published` for one that no draw moves, else nothing."""
+    if known.sd is None or known.sd > UNDETERMINED * abs(known.value):
+        return "" if known.sd is None else "undetermined"
+    return "published" if known.sd < _NO_ERROR * abs(known.value) else ""
+
+
+def input_unit(name: str) -> str:
+    """Return the SI unit of a drive; of thrusters together that of one."""
+    unit = signal_unit(name.split(" ")[0]) if name else "1"
+    return {"kg m/s^2": "N", "kg m^2/s^2": "N m"}.get(unit, unit)
+
+
+def _model(vehicle: ExportedVehicle) -> VehicleModel:
+    """Return the vehicle without lags and limits; what was estimated is free, depth and heading are states."""
+    free = tuple(name for name in vehicle.coefficients if name in vehicle.estimated.names)
+    fixed = {name: value for name, value in vehicle.coefficients.items() if name not in free}
+    return whole_vehicle(
+        replace(vehicle.hull, fixed=fixed),
+        free,
+        moves=vehicle.moves,
+        attitude="euler",
+        positions=("z",) if "w" in vehicle.moves else (),
+        angles=("psi",) if "r" in vehicle.moves else (),
+        added_coriolis=vehicle.added_coriolis,
+        thrusters=vehicle.thrusters,
+    )
+
+
+@lru_cache(maxsize=8)
+def _rates_and_slopes(model: VehicleModel) -> Callable[[dict, np.ndarray], tuple[Any, Any]]:
+    """Return a function of m vehicles and their points (m, d + c): slopes (m, d, d + c) and rates (m, d)."""
+    import jax
+    import jax.numpy as jnp
+
+    d = len(model.states)
+
+    def one(params: dict, point: Any) -> Any:
+        def rates(y: Any) -> Any:
+            result = model.derivative(params, tuple(y[:d]), tuple(y[d:]))
+            stacked = jnp.stack([jnp.asarray(value, float) for value in result])
+            return stacked, stacked
+
+        return jax.jacfwd(rates, has_aux=True)(point)
+
+    return jax.jit(jax.vmap(one), compiler_options=_QUICK)
+
+
+def _at_speed(
+    vehicle: ExportedVehicle, model: VehicleModel, params: dict[str, np.ndarray], count: int, speed: float
+) -> LinearModel:
+    d, names = len(model.states), (*model.states, *model.controls)
+    evaluate = _rates_and_slopes(model)
+    balanced = [model.states.index(name) for name in (*RATES, "z") if name in model.states]
+    start = np.zeros((count, len(names)))
+    start[:, names.index("u")] = speed
+    for i, name in enumerate(names[d:], d):
+        start[:, i] = _FIRST_TURNS if name.split("_")[0] == "n" and speed else 0.0
+
+    for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
+        for more in _FREE:
+            free = [i for i, name in enumerate(names) if i >= d or name in more]
+            points, slopes, rates = _settle(evaluate, params, start, equations, free)
+            good = np.abs(rates[:, equations]).max(1, initial=0.0) < _SETTLED
+            if good[0] and np.abs(points[0, :d] - start[0, :d]).max() < _STEEPEST:
+                slopes[~good], points[~good] = np.nan, np.nan
+                balance = -float(rates[0, 0]) if equations is not balanced else 0.0
+                return _with_lags(vehicle, model, speed, points, slopes, balance)
+    raise InputError(
+        f'vehicle "{vehicle.name}", linear model at {speed:g} m/s',
+        found="no steady motion ahead at this speed with its controls",
+        expected="a speed that the vehicle can keep at level flight",
+        remedy="name other speeds, for example those of the trials",
+    )
+
+
+def _settle(
+    evaluate: Callable, params: dict, start: np.ndarray, equations: list[int], free: list[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points at which rates vanish, by Newton steps of least length, with the slopes and rates there."""
+    points = start.copy()
+    for _ in range(_STEPS):
+        slopes, rates = map(np.array, evaluate(params, points))
+        if not free or np.abs(rates[:, equations]).max(initial=0.0) < 0.01 * _SETTLED:
+            break
+        step = np.linalg.pinv(np.nan_to_num(slopes[:, equations][:, :, free])) @ np.nan_to_num(
+            rates[:, equations, None]
+        )
+        points[:, free] -= step[..., 0]
+    return points, slopes, rates
+
+
+def _with_lags(
+    vehicle: ExportedVehicle,
+    model: VehicleModel,
+    speed: float,
+    points: np.ndarray,
+    slopes: np.ndarray,
+    balance: float,
+) -> LinearModel:
+    """Return the linear model with a state for each actuator that has a lag."""
+    d = len(model.states)
+    lags = {
+        name: one.time_constant
+        for name, one in vehicle.actuators.items()
+        if one.time_constant and name in model.controls
+    }
+    lagging = [model.controls.index(name) for name in lags]
+    a = np.zeros((len(points), d + len(lags), d + len(lags)))
+    b = np.zeros((len(points), d + len(lags), len(model.controls)))
+    a[:, :d, :d], b[:, :d] = slopes[:, :, :d], slopes[:, :, d:]
+    for i, (control, lag) in enumerate(zip(lagging, lags.values(), strict=True), d):
+        a[:, :d, i], b[:, :, control] = slopes[:, :, d + control], 0.0
+        a[:, i, i], b[:, i, control] = -1.0 / lag, 1.0 / lag
+    state = np.concatenate([points[:, :d], points[:, d:][:, lagging]], 1)
+    states = (*model.states, *(name + ACTUAL for name in lags))
+    return LinearModel(speed, states, model.controls, model.states, state, points[:, d:], a, b, balance)
+
+
+def _direct(linear: LinearModel) -> Float[np.ndarray, "m d c"]:
+    """Return B as if actuators had no lags."""
+    b = linear.b.copy()
+    for i, name in enumerate(linear.states):
+        if name.endswith(ACTUAL):
+            b[:, :, linear.inputs.index(name.removesuffix(ACTUAL))] = linear.a[:, :, i]
+    return b
+
+
+def _drive(
+    vehicle: ExportedVehicle, linear: LinearModel, output: str, drives: Sequence[str]
+) -> tuple[str, Float[np.ndarray, " c"]] | None:
+    """Return the name and direction of what drives an output: a control, or thrusters that push along or about one axis."""
+    if vehicle.thrusters:
+        thrusters = [name for name in linear.inputs if name.rpartition("_")[2].isdigit()]
+        kind = thrusters[0].split("_")[0]
+        together = np.linalg.pinv(allocation(vehicle.thrusters))[:, _AXIS[output]]
+        if not np.abs(allocation(vehicle.thrusters) @ together)[_AXIS[output]] > 0.5:
+            return None
+        together = together if kind == "f" else together / np.abs(together).max()
+        direction = np.zeros(len(linear.inputs))
+        for name in thrusters:
+            direction[linear.inputs.index(name)] = together[int(name.rpartition("_")[2]) - 1]
+        axis = "XYZKMN"[_AXIS[output]]
+        return (f"tau_{axis} of the thrusters" if kind == "f" else f"n of the thrusters along {axis}"), direction
+    name = next((name for name in drives if name in linear.inputs), None)
+    return None if name is None else (name, np.eye(len(linear.inputs))[linear.inputs.index(name)])
+
+
+def _known(name: str, values: np.ndarray, unit: str, ensemble_size: int) -> Known:
+    finite = values[1:][np.isfinite(values[1:])]
+    spread = None
+    if ensemble_size:
+        low, high = np.quantile(finite.real, (0.16, 0.84)) if finite.size else (np.nan, np.nan)
+        spread = float(high - low) / 2
+    value = complex(values[0])
+    real, imag = (part if abs(part) > _ROUNDING * abs(value) else 0.0 for part in (value.real, value.imag))
+    return Known(name, complex(real, imag), spread, unit)

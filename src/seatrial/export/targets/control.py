@@ -1,0 +1,257 @@
+"""Linear models about steady motion ahead, for python-control and, as a MAT-file, for MATLAB: the mean and an ensemble of draws.
+
+Each trim has its poles, time constants and gains with ±, Bode plots with the band of the draws, and Nomoto's K and T of a rudder.
+"""
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.core.argument_checks import check_number
+from seatrial.core.signals import signal_unit
+from seatrial.export.ensemble import DRAWS, Ensemble, ensemble_of
+from seatrial.export.linear import (
+    Known,
+    LinearModel,
+    Part,
+    input_unit,
+    linearise,
+    numbers_of,
+    parts_of,
+    responses,
+    usual_speeds,
+    verdict,
+)
+from seatrial.export.motion import motion_of
+from seatrial.export.stability import check_stable
+from seatrial.export.target import Carried, Statement
+from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.xml_text import text
+from seatrial.vehicles.actuators import Actuator
+
+_DRAWN = ("surge", "yaw")  # Subsystems with a Bode plot
+_DECADES, _POINTS = (-1.5, 1.5), 40  # Of a Bode plot about its fastest and slowest pole
+
+
+@dataclass(frozen=True)
+class Control:
+    """See the module.
+
+    Attributes:
+        speeds: ahead, m/s; those of `usual_speeds` if none is named.
+        draws: number of models in the ensemble.
+        seed: of the draws.
+    """
+
+    name: str = "control"
+    target: str = "linear models for python-control 0.10 and MATLAB (MAT-file 5)"
+    speeds: tuple[float, ...] = ()
+    draws: int = DRAWS
+    seed: int = 0
+
+    def check(self, vehicle: ExportedVehicle) -> None:
+        """See `Exporter`."""
+        check_stable(vehicle, self.name)
+        for speed in self.speeds:
+            check_number(speed, "export to control, speeds", least=0.0, remedy="give speeds ahead in m/s")
+
+    def carries(self, vehicle: ExportedVehicle) -> Carried:
+        """See `Exporter`: everything that acts on a small motion; limits do not."""
+        limited = [
+            f"limits of {name}" for name, one in vehicle.actuators.items() if np.isfinite([one.lower, one.upper]).any()
+        ]
+        limited += [f"rate of {name}" for name, one in vehicle.actuators.items() if np.isfinite(one.rate)]
+        return Carried(
+            motion_of(vehicle),
+            actuators=vehicle.actuators,
+            notes=(*([f"linear models have no {', '.join(limited)}"] if limited else []), *self._lines(vehicle)),
+        )
+
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
+        """See `Exporter`."""
+        ensemble, models = self._models(vehicle)
+        head = "".join(f"# {line}\n" for whole in statement.lines for line in whole.splitlines() or [""])
+        parts = {part.name: list(part.states) for part in parts_of(vehicle, models[0])}
+        drives = {part.name: [part.input, part.direction.tolist()] for part in parts_of(vehicle, models[0])}
+        module = head + _MODULE.replace("@PARTS@", json.dumps(parts)).replace("@DRIVES@", json.dumps(drives)).replace(
+            "@NUMBERS@", json.dumps(_table(vehicle, models, ensemble), indent=1)
+        )
+        files: dict[str, str | bytes] = {
+            "linear_models.py": module,
+            "linear_models.mat": _mat_file(models, "\n".join(statement.lines), self.target),
+        }
+        trim = vehicle.hull.trim.get("u", models[0].speed)
+        nearest = min(models, key=lambda one: abs(one.speed - trim))
+        for part in parts_of(vehicle, nearest):
+            if part.name in _DRAWN and part.input:
+                drawn = _bode(nearest, part)
+                about = f"<desc>{text(chr(10).join(statement.lines))}</desc>"
+                files[f"bode_{part.name}.svg"] = drawn.replace(
+                    ">", f">{about}", drawn[: drawn.index("<svg")].count(">") + 1
+                )
+        return files
+
+    def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[LinearModel]]:
+        ensemble = ensemble_of(vehicle, self.draws, self.seed) if vehicle.estimated.names else None
+        return ensemble, linearise(vehicle, self.speeds or usual_speeds(vehicle), ensemble)
+
+    def _lines(self, vehicle: ExportedVehicle) -> list[str]:
+        ensemble, models = self._models(vehicle)
+        size = 0 if ensemble is None else len(ensemble.values)
+        lines = [
+            f"linear models, with ± as half the width of the central 68 % of {size} draws"
+            if size
+            else "linear models without ±: all values are published"
+        ]
+        for model in models:
+            lines.append(f"at {model.speed:g} m/s, {_trim_words(vehicle, model)}:")
+            for part in parts_of(vehicle, model):
+                lines += [f"  {part.name}: {_words(known)}" for known in numbers_of(part, size)]
+        return lines
+
+
+def _words(known: Known) -> str:
+    words = (
+        f"{known.name} {known.value.real:.4g}" + ("" if known.sd is None else f" ± {known.sd:.2g}") + f" {known.unit}"
+    )
+    words += f", oscillating at {known.value.imag:.3g} rad/s" if known.value.imag else ""
+    return (
+        words
+        + {"": "", "published": " (by published values only)", "undetermined": " (not determined by the data)"}[
+            verdict(known)
+        ]
+    )
+
+
+def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
+    """Return the trim in words: what is not zero, what is beyond a limit, and draws without one."""
+    rows = [
+        (name, value)
+        for name, value in zip(model.states, model.state[0], strict=True)
+        if not name.endswith("_act") and name != "u"
+    ]
+    rows += list(zip(model.inputs, model.control[0], strict=True))
+    words = [f"{name} = {value:.4g} {input_unit(name)}" for name, value in rows if abs(value) > 1e-9]
+    limits = [vehicle.actuators.get(name, Actuator(0.0)) for name in model.inputs]
+    rows = zip(model.inputs, limits, model.control[0], strict=True)
+    beyond = [name for name, limit, value in rows if not limit.lower <= value <= limit.upper]
+    words += [f"beyond the limits of {' '.join(beyond)}"] if beyond else []
+    if model.balance:
+        words.append(f"held by a constant surge acceleration of {model.balance:.3g} m/s^2, since no control holds it")
+    missing = int(np.isnan(model.a[1:, 0, 0]).sum())
+    words += [f"{missing} draws have no trim there and are NaN"] if missing else []
+    return ", ".join(words) or "all other signals zero"
+
+
+def _table(vehicle: ExportedVehicle, models: list[LinearModel], ensemble: Ensemble | None) -> list[dict]:
+    size = 0 if ensemble is None else len(ensemble.values)
+    return [
+        {"speed": model.speed, "part": part.name, "name": one.name, "real": one.value.real, "imag": one.value.imag,
+         "sd": one.sd, "unit": one.unit, "verdict": verdict(one)}
+        for model in models
+        for part in parts_of(vehicle, model)
+        for one in numbers_of(part, size)
+    ]  # fmt: skip
+
+
+def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
+    """Return a MAT-file whose arrays end in the speeds, and those of the ensemble in draws and speeds."""
+    from scipy.io import savemat
+
+    first = models[0]
+
+    def last(arrays: list[np.ndarray], rows: slice) -> np.ndarray:
+        return np.moveaxis(np.stack([array[rows] for array in arrays], 1), (0, 1), (-2, -1))
+
+    content: Mapping[str, object] = {
+        "about": about,
+        "states": np.array(first.states, object),
+        "inputs": np.array(first.inputs, object),
+        "outputs": np.array(first.outputs, object),
+        "state_units": np.array([signal_unit(name.removesuffix("_act")) for name in first.states], object),
+        "input_units": np.array([signal_unit(name) for name in first.inputs], object),
+        "speeds": np.array([model.speed for model in models]),
+        "A": last([model.a for model in models], slice(1))[:, :, 0],
+        "B": last([model.b for model in models], slice(1))[:, :, 0],
+        "C": first.c,
+        "D": np.zeros((len(first.outputs), len(first.inputs))),
+        "trim_states": last([model.state for model in models], slice(1))[:, 0],
+        "trim_inputs": last([model.control for model in models], slice(1))[:, 0],
+        "ensemble_A": last([model.a for model in models], slice(1, None)),
+        "ensemble_B": last([model.b for model in models], slice(1, None)),
+    }
+    stream = io.BytesIO()
+    savemat(stream, content, oned_as="column")
+    # The first 116 bytes are a text, which SciPy fills with the time and the system.
+    return f"MATLAB 5.0 MAT-file, {title}".encode()[:116].ljust(116) + stream.getvalue()[116:]
+
+
+def _bode(model: LinearModel, part: Part) -> str:
+    from seatrial.report.drawing import draw_svg
+    from seatrial.report.figures.bode import bode_figure
+    from seatrial.report.figures.style import own_settings
+
+    sizes = np.abs(np.linalg.eigvals(part.a[0]))
+    sizes = sizes[sizes > 1e-6] if (sizes > 1e-6).any() else np.ones(1)
+    low, high = np.log10([sizes.min(), sizes.max()]) + _DECADES
+    frequency = np.logspace(low, high, _POINTS)
+    unit = f"{signal_unit(part.output)} / {input_unit(part.input)}"
+    with own_settings():
+        title = f"{part.output} by {part.input} at {model.speed:g} m/s"
+        return draw_svg(bode_figure(frequency, responses(model, part, frequency), title, unit), part.name)
+
+
+_MODULE = '''"""Linear models of a vehicle about steady motion ahead, for python-control; the numbers are in linear_models.mat.
+
+model(speed) is that of the mean, model(speed, draw=3) one of the ensemble, model(speed, part="yaw") a subsystem
+without the lags of the actuators. Inputs, states and outputs are differences from the trim, in SI and radians.
+"""
+
+from pathlib import Path
+
+import control
+import numpy as np
+from scipy.io import loadmat
+
+DATA = loadmat(Path(__file__).with_name("linear_models.mat"), simplify_cells=True)
+STATES, INPUTS, OUTPUTS = ([str(x).strip() for x in np.atleast_1d(DATA[key])] for key in ("states", "inputs", "outputs"))
+SPEEDS = np.atleast_1d(DATA["speeds"])
+NAN = float("nan")
+# States of each subsystem; its input, and the direction of the controls that this input is.
+PARTS = @PARTS@
+DRIVES = @DRIVES@
+# Poles, time constants, gains and Nomoto's K and T of each subsystem, with their standard deviation.
+null = None
+NUMBERS = @NUMBERS@
+
+
+def model(speed, draw=None, part=None):
+    """Return a control.StateSpace: the mean or a draw, the whole vehicle or a subsystem, at the nearest speed, m/s."""
+    k = int(np.argmin(np.abs(SPEEDS - speed)))
+    d, c = len(STATES), len(INPUTS)
+    if draw is None:
+        a, b = (DATA[key].reshape(d, -1, len(SPEEDS))[:, :, k] for key in "AB")
+    else:
+        a, b = (DATA[f"ensemble_{key}"].reshape(d, n, -1, len(SPEEDS))[:, :, draw, k] for key, n in (("A", d), ("B", c)))
+    outputs = np.eye(d)[: len(OUTPUTS)]
+    if part is None:
+        return control.ss(a, b, outputs, np.zeros((len(OUTPUTS), c)), states=STATES, inputs=INPUTS, outputs=OUTPUTS)
+    at = [STATES.index(name) for name in PARTS[part]]
+    name, direction = DRIVES[part]
+    direct = b.copy()
+    for i, state in enumerate(STATES):
+        if state.endswith("_act"):
+            direct[:, INPUTS.index(state[:-4])] = a[:, i]
+    return control.ss(
+        a[np.ix_(at, at)], (direct @ direction)[at, None], np.eye(len(at)), 0,
+        states=PARTS[part], inputs=[name or "none"], outputs=PARTS[part],
+    )
+
+
+def ensemble(speed, part=None):
+    """Return the models of all draws at the nearest speed."""
+    return [model(speed, draw, part) for draw in range(DATA["ensemble_A"].reshape(len(STATES), len(STATES), -1, len(SPEEDS)).shape[2])]
+'''

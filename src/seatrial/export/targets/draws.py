@@ -1,0 +1,82 @@
+"""Draws of the posterior, for scenarios of a controller and for a learner: CSV, JSON and NumPy's NPZ with names, units and weights."""
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from seatrial.export.ensemble import DRAWS, check_estimated, ellipsoid_of, ensemble_lines, ensemble_of, widths_of
+from seatrial.export.motion import motion_of
+from seatrial.export.stability import check_stable
+from seatrial.export.target import Carried, Statement
+from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
+
+
+@dataclass(frozen=True)
+class DrawsTable:
+    """See the module; `draws` and `seed` are those of `ensemble_of`."""
+
+    name: str = "draws"
+    target: str = "draws of the posterior (CSV, JSON, NPZ), format 1"
+    draws: int = DRAWS
+    seed: int = 0
+
+    def check(self, vehicle: ExportedVehicle) -> None:
+        """See `Exporter`."""
+        check_stable(vehicle, self.name)
+        check_estimated(vehicle, self.name)
+
+    def carries(self, vehicle: ExportedVehicle) -> Carried:
+        """See `Exporter`: everything; the notes are the widths of the coefficients."""
+        notes = ensemble_lines(vehicle, ensemble_of(vehicle, self.draws, self.seed))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators, notes=notes)
+
+    def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
+        """See `Exporter`."""
+        ensemble, ellipsoid = ensemble_of(vehicle, self.draws, self.seed), ellipsoid_of(vehicle.estimated)
+        units = [vehicle.unit(name) for name in ensemble.names]
+        weights = np.full(len(ensemble.values), 1.0 / len(ensemble.values))
+        about = [*statement.lines, UNCERTAINTY]
+        given = {name: float(value) for name, value in vehicle.coefficients.items() if name not in ensemble.names}
+        arrays = {
+            "about": np.array("\n".join(about).encode()),
+            "names": np.array(ensemble.names),
+            "units": np.array(units),
+            "weights": weights,
+            "draws": ensemble.values,
+            "ellipsoid_centre": ellipsoid.centre,
+            "ellipsoid_matrix": ellipsoid.matrix,
+            "ellipsoid_squared_radius": np.array(ellipsoid.squared_radius),
+            "given_names": np.array(list(given)),
+            "given_values": np.array(list(given.values())),
+        }
+        content = {
+            "format": 1,
+            "about": about,
+            "seed": self.seed,
+            "names": list(ensemble.names),
+            "units": units,
+            "weights": weights.tolist(),
+            "draws": ensemble.values.tolist(),
+            "replaced": dict(ensemble.replaced),
+            "randomise": [width._asdict() for width in widths_of(vehicle.estimated)],
+            "ellipsoid": {
+                "centre": ellipsoid.centre.tolist(),
+                "matrix": ellipsoid.matrix.tolist(),
+                "squared_radius": ellipsoid.squared_radius,
+                "probability": ellipsoid.probability,
+            },
+            "given": given,
+        }
+        binary, text = io.BytesIO(), io.StringIO()
+        np.savez(binary, **arrays)
+        head = ["weight", *(f"{name} [{unit}]" for name, unit in zip(ensemble.names, units, strict=True))]
+        rows = np.column_stack([weights, ensemble.values]).tolist()
+        csv.writer(text, lineterminator="\n").writerows([head, *([repr(x) for x in row] for row in rows)])
+        return {
+            "draws.csv": "".join(f"# {line}\n" for line in about) + text.getvalue(),
+            "draws.json": json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n",
+            "draws.npz": binary.getvalue(),
+        }
