@@ -12,7 +12,7 @@ from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export import manoeuvre
-from seatrial.export.from_campaign import of_campaign
+from seatrial.export.from_campaign import export_to, of_campaign
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.write import of_catalogue, state
 from seatrial.messages.structures import QUOTED
@@ -163,7 +163,15 @@ def test_without_results_the_command_that_makes_them_is_named(tmp_path):
         of_campaign(write_small(tmp_path / "c"))
 
 
-def test_estimates_per_unit_of_an_unknown_mass_are_refused(tmp_path):
+def test_estimates_per_unit_of_an_unknown_mass_have_linear_models_and_no_simulator(tmp_path):
     unknown = ('catalogue = "remus100_surge"', 'mass = "unknown"\ntrim = { u = "1.5 m/s", n = "125 rad/s" }')
-    with pytest.raises(InputError, match="per unit of an effective mass"):
-        of_campaign(finished(tmp_path / "c", unknown))
+    folder = finished(tmp_path / "c", unknown)
+    for target in ("json", "gz"):
+        with pytest.raises(InputError, match="per unit of an effective mass"):
+            export_to(folder, target, tmp_path / "out")
+    statement, _ = export_to(folder, "control", tmp_path / "out", speeds=(1.0,), count=16)
+    mean = dict(zip(*(getattr(of_campaign(folder)[0].estimated, key) for key in ("names", "mean")), strict=True))
+    slope = mean["X_u"] + 2.0 * mean["X_uabsu"]
+    (line,) = (line for line in statement.lines if "pole of u" in line)
+    assert float(line.split()[4]) == pytest.approx(slope, rel=1e-3), "of an effective mass of 1"
+    assert any(line.endswith(" 1/m") and "X_uabsu" in line for line in statement.lines)

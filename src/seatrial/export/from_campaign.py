@@ -51,6 +51,7 @@ from seatrial.sampling.run import Draws
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.active_dof import acting_terms
 from seatrial.vehicles.actuators import Actuator
+from seatrial.vehicles.axis_equation import RATE_OF
 from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle
 from seatrial.vehicles.hull import GRAVITY, Hull
 from seatrial.vehicles.model import VehicleModel
@@ -124,13 +125,6 @@ def _alone(
             expected="a vehicle that moves",
             remedy="name this campaign in priors_from of a campaign with motion, and export that",
         )
-    if hull.mass is None:
-        raise InputError(
-            campaign.where("vehicle.mass"),
-            found='"unknown": every coefficient is per unit of an effective mass or inertia',
-            expected="coefficients in newtons, from a vehicle with a known mass",
-            remedy="give the mass, and the inertia of axes that turn, and estimate again",
-        )
     summary = read_result(Summary, Store(campaign.folder).summary, f"seatrial run {campaign.folder}")
     estimated = _estimated(estimate, structure, summary, configuration)
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
@@ -157,22 +151,29 @@ def _alone(
         ).with_numbers({name: one for name, one in numbers.items() if name not in TETHER})
         moved = ", ".join(rate for rate in RATES if rate in model.states)
     else:
+        weight = 0.0 if hull.mass is None else hull.mass * GRAVITY
         body = Hull(
             hull.name,
             hull.mass,
-            weight=hull.mass * GRAVITY,
-            buoyancy=hull.mass * GRAVITY,
+            weight=weight,
+            buoyancy=weight,
             thrust_deduction=hull.thrust_deduction,
             trim=hull.trim,
         )
+        moves = tuple(RATE_OF[axis] for axis in vehicle.axes)
         result = ExportedVehicle(
-            hull.name, body, moves=("u",), actuators=_actuators(campaign.control_limits, model), **common
+            hull.name,
+            body,
+            moves=moves,
+            actuators=_actuators(campaign.control_limits, model),
+            given=tuple(rate for rate in RATES if rate in model.controls),
+            **common,
         )
-        moved = "u"
+        moved = ", ".join(moves)
     source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
-    absent = [f"everything about {rate}" for rate in RATES if rate not in result.moves]
+    absent = [f"everything about {rate}" for rate in RATES if rate not in (*result.moves, *result.given)]
     absent += result.unknown_drives
     names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
     trial_limited = [
@@ -187,7 +188,7 @@ def _alone(
         tuple(term for term in campaign.full.terms if term not in structure.terms),
         tuple([", ".join(absent)] if absent else []),
         (
-            f"{'body' if result.knows_body else 'mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
+            f"{'body' if result.knows_body else 'mass' if hull.mass else 'no mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
             *(
                 [f"limits of {', '.join(trial_limited)}: those of its trials, [limits] of campaign.toml"]
                 if trial_limited

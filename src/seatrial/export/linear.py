@@ -238,6 +238,7 @@ def _model(vehicle: ExportedVehicle) -> VehicleModel:
         moves=vehicle.moves,
         attitude="euler",
         positions=("z",) if "w" in vehicle.moves else (),
+        given=vehicle.given,
         angles=("psi",) if "r" in vehicle.moves else (),
         added_coriolis=vehicle.added_coriolis,
         thrusters=vehicle.thrusters,
@@ -276,7 +277,7 @@ def _at_speed(
 
     for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
         for more in _FREE:
-            free = [i for i, name in enumerate(names) if i >= d or name in more]
+            free = [i for i, name in enumerate(names) if (i >= d and name not in vehicle.given) or name in more]
             points, slopes, rates = _settle(evaluate, params, start, equations, free)
             good = np.abs(rates[:, equations]).max(1, initial=0.0) < _SETTLED
             if good[0] and np.abs(points[0, :d] - start[0, :d]).max() < _STEEPEST:
@@ -322,7 +323,8 @@ def _with_lags(
         for name, one in vehicle.actuators.items()
         if one.time_constant and name in model.controls
     }
-    lagging = [model.controls.index(name) for name in lags]
+    lagging, inputs = [model.controls.index(name) for name in lags], vehicle.controls
+    driven = [model.controls.index(name) for name in inputs]
     a = np.zeros((len(points), d + len(lags), d + len(lags)))
     b = np.zeros((len(points), d + len(lags), len(model.controls)))
     a[:, :d, :d], b[:, :d] = slopes[:, :, :d], slopes[:, :, d:]
@@ -331,7 +333,8 @@ def _with_lags(
         a[:, i, i], b[:, i, control] = -1.0 / lag, 1.0 / lag
     state = np.concatenate([points[:, :d], points[:, d:][:, lagging]], 1)
     states = (*model.states, *(name + ACTUAL for name in lags))
-    return LinearModel(speed, states, model.controls, model.states, state, points[:, d:], a, b, balance)
+    control = points[:, d:][:, driven]
+    return LinearModel(speed, states, inputs, model.states, state, control, a, b[:, :, driven], balance)
 
 
 def _direct(linear: LinearModel) -> Float[np.ndarray, "m d c"]:

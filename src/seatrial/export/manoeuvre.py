@@ -46,10 +46,10 @@ class ManoeuvrePlan(NamedTuple):
 
 def plan_for(vehicle: ExportedVehicle, motion: Motion) -> ManoeuvrePlan:
     """Return the standard manoeuvre of a vehicle, with those controls that it has."""
-    names = vehicle.model().controls
+    names = vehicle.controls
     if vehicle.thrusters and names[-1].startswith("f_"):
         return _frame_plan(vehicle, names)
-    speed = vehicle.hull.trim.get("u", DEFAULT_SPEED) if "u" in vehicle.moves else 0.0
+    speed = vehicle.hull.trim.get("u", DEFAULT_SPEED) if "u" in (*vehicle.moves, *vehicle.given) else 0.0
     ahead = next((name for name in ("n", "tau_X", "n_1") if name in names), None)
     drives = [name for name in names if name == ahead or (ahead == "n_1" and name.startswith("n_"))]
     steady, speed = _steady(motion, names, drives, speed)

@@ -130,6 +130,7 @@ class ExportedVehicle:
         estimated: which coefficients were estimated, and how well.
         numbers: what else of its equation was estimated, by name; hull and actuators have them, see `with_numbers`.
         beside: what was estimated that no target has, in words: a delay, process noise, differences between trials.
+        given: velocities that are inputs of its equations, as of a ship whose speed is measured; they do not change.
     """
 
     name: str
@@ -142,6 +143,7 @@ class ExportedVehicle:
     estimated: CoefficientEstimates = field(default_factory=CoefficientEstimates)
     numbers: Mapping[str, EstimatedNumber] = field(default_factory=dict)
     beside: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
 
     @property
     def thrust_law(self) -> dict[str, float]:
@@ -189,7 +191,7 @@ class ExportedVehicle:
     @cached_property
     def controls(self) -> tuple[str, ...]:
         """Names of its controls."""
-        return self.model().controls
+        return tuple(name for name in self.model().controls if name not in self.given)
 
     def model(self) -> VehicleModel:
         """Return the same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
@@ -199,6 +201,7 @@ class ExportedVehicle:
             replace(self.hull, fixed=added),
             tuple(forces),
             moves=self.moves,
+            given=self.given,
             attitude="euler",
             added_coriolis=self.added_coriolis,
             thrusters=self.thrusters,
@@ -223,8 +226,8 @@ class ExportedVehicle:
         )
 
     def unit(self, name: str) -> str:
-        """Return the SI unit of a coefficient."""
-        return CoefficientName.parse(name).unit
+        """Return the SI unit of a coefficient, without the kilogram if the mass is unknown."""
+        return self.model().unit_of(CoefficientName.parse(name))
 
 
 def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:

@@ -10,7 +10,6 @@ import numpy as np
 
 from seatrial import __version__
 from seatrial.core.argument_checks import check_number
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.files import write_bytes, write_text
 from seatrial.core.signals import RATES
@@ -115,6 +114,13 @@ def export_vehicle(
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
+    if vehicle.hull.mass is None and not getattr(exporter, "takes_unknown_mass", False):
+        raise InputError(
+            f'vehicle "{vehicle.name}", export to {exporter.name}',
+            found="an unknown mass: every coefficient is per unit of an effective mass or inertia",
+            expected="coefficients in newtons, from a vehicle with a known mass",
+            remedy="give the mass, and the inertia of axes that turn, and estimate again; or export to control or draws",
+        )
     exporter.check(untethered(vehicle))
     statement = state(exporter, vehicle, provenance)
     if announce is not None:
@@ -232,13 +238,12 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
     heading = "estimated, mean ± standard deviation:"
     lines.append(heading if estimated.names or vehicle.numbers else "estimated: nothing; all values are published")
     for name, mean, sd in zip(estimated.names, estimated.mean, estimated.sd, strict=True):
-        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {CoefficientName.parse(name).unit}")
+        lines.append(f"  {name} = {mean:.6g} ± {sd:.2g} {vehicle.unit(name)}")
     lines += [f"  {name} = {one.value:.6g} ± {one.sd:.2g} {one.unit}" for name, one in vehicle.numbers.items()]
     if estimated.quoted == "averaged":
         lines.append(f"to quote: {QUOTED['averaged']}:")
         lines += [
-            f"  {one.name} = {one.mean:.6g} ± {one.sd:.2g} {CoefficientName.parse(one.name).unit}"
-            for one in estimated.averaged
+            f"  {one.name} = {one.mean:.6g} ± {one.sd:.2g} {vehicle.unit(one.name)}" for one in estimated.averaged
         ]
     for title, items in (
         ("dropped by the selection", provenance.dropped),

@@ -76,7 +76,7 @@ def export(
             return _trial(folder, to, out, schedule)
         _only("a vehicle, without --trial", schedule=schedule)
         water = None if density is None else quantity(density, "kg/m^3", "--density")
-        options = {"engine": engine, "density": water, "draws": draws}
+        options = {"engine": engine, "density": water, "count": draws}
         if speeds is not None:
             *others, last = speeds.split(",")
             unit = last.strip().partition(" ")[2]

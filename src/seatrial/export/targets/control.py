@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,15 +43,16 @@ class Control:
 
     Attributes:
         speeds: ahead, m/s; those of `usual_speeds` if none is named.
-        draws: number of models in the ensemble.
+        count: number of draws, each with its models.
         seed: of the draws.
     """
 
     name: str = "control"
     target: str = "linear models for python-control 0.10 and MATLAB (MAT-file 5)"
     speeds: tuple[float, ...] = ()
-    draws: int = DRAWS
+    count: int = DRAWS
     seed: int = 0
+    takes_unknown_mass: ClassVar[bool] = True
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
@@ -95,7 +97,7 @@ class Control:
         return files
 
     def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[LinearModel]]:
-        ensemble = ensemble_of(vehicle, self.draws, self.seed) if vehicle.estimated.names else None
+        ensemble = ensemble_of(vehicle, self.count, self.seed) if vehicle.estimated.names else None
         return ensemble, linearise(vehicle, self.speeds or usual_speeds(vehicle), ensemble)
 
     def _lines(self, vehicle: ExportedVehicle) -> list[str]:
@@ -180,6 +182,8 @@ def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
         "D": np.zeros((len(first.outputs), len(first.inputs))),
         "trim_states": last([model.state for model in models], slice(1))[:, 0],
         "trim_inputs": last([model.control for model in models], slice(1))[:, 0],
+        "ensemble_trim_states": last([model.state for model in models], slice(1, None)),
+        "ensemble_trim_inputs": last([model.control for model in models], slice(1, None)),
         "ensemble_A": last([model.a for model in models], slice(1, None)),
         "ensemble_B": last([model.b for model in models], slice(1, None)),
     }

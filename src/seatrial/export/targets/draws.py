@@ -4,6 +4,7 @@ import csv
 import io
 import json
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,12 +17,13 @@ from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
 
 @dataclass(frozen=True)
 class DrawsTable:
-    """See the module; `draws` and `seed` are those of `ensemble_of`."""
+    """See the module; `count` and `seed` are those of `ensemble_of`."""
 
     name: str = "draws"
     target: str = "draws of the posterior (CSV, JSON, NPZ), format 1"
-    draws: int = DRAWS
+    count: int = DRAWS
     seed: int = 0
+    takes_unknown_mass: ClassVar[bool] = True
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
@@ -30,12 +32,12 @@ class DrawsTable:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything; the notes are the widths of the coefficients."""
-        notes = ensemble_lines(vehicle, ensemble_of(vehicle, self.draws, self.seed))
+        notes = ensemble_lines(vehicle, ensemble_of(vehicle, self.count, self.seed))
         return Carried(motion_of(vehicle), actuators=vehicle.actuators, notes=notes)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
-        ensemble, ellipsoid = ensemble_of(vehicle, self.draws, self.seed), ellipsoid_of(vehicle.estimated)
+        ensemble, ellipsoid = ensemble_of(vehicle, self.count, self.seed), ellipsoid_of(vehicle.estimated)
         units = [vehicle.unit(name) for name in ensemble.names]
         weights = np.full(len(ensemble.values), 1.0 / len(ensemble.values))
         about = [*statement.lines, UNCERTAINTY]
