@@ -53,7 +53,10 @@ def holds(seed: str, number: int) -> list[bool]:
 
 def table(found: dict) -> str:
     """Return the shares of vehicles whose coefficients lie inside."""
-    lines = ["\n| wrong with the model | vehicles | inside, noise only | inside, with model error |", "|---|---|---|---|"]
+    lines = [
+        "\n| wrong with the model | vehicles | inside, noise only | inside, with model error |",
+        "|---|---|---|---|",
+    ]
     for seed in TRIED:
         within, wider = np.mean(found[seed], 0)
         error = np.sqrt(SET_PROBABILITY * (1 - SET_PROBABILITY) / len(found[seed]))

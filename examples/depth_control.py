@@ -1,9 +1,9 @@
 """A depth controller that keeps its bound: gains from 100 vehicles of the posterior against gains from the mean vehicle.
 
-Usage: `python examples/depth_control.py [FIGURE.svg]`; a minute of processor time. It needs CasADi: `pip install "seatrial[casadi]"`.
+Usage: `python examples/depth_control.py [FIGURE.svg]`; a minute of processor time. It needs CasADi: `pip install "seatrial[export]"`.
 
-A short trial gives a posterior of a REMUS 100. `seatrial.export_vehicle` writes linear models of its mean and of 100 draws. CasADi finds the
-gains of the fin that follow a ramp to 3 m with least error and keep 3.3 m, once for the mean and once for all 100 scenarios. Both
+A short trial gives a posterior of a REMUS 100. `seatrial.export_vehicle` writes linear models of its mean and of 100 draws. CasADi finds
+the gains of the fin that follow a ramp to 3 m with least error and keep 3.3 m, once for the mean and once for all 100 scenarios. Both
 controllers then dive 200 other vehicles of the posterior, with all their nonlinear forces and the limits of the fin.
 """
 
@@ -11,8 +11,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.io import loadmat
 from scipy.linalg import solve_continuous_are
@@ -36,7 +34,7 @@ def main(figure: str = "") -> None:
     try:
         import casadi  # noqa: F401
     except ImportError:
-        raise SystemExit('this example needs CasADi: pip install "seatrial[casadi]"') from None
+        raise SystemExit('this example needs CasADi: pip install "seatrial[export]"') from None
     st.configure()
     vehicle = st.load_vehicle("remus100_longitudinal")
     draws = posterior(vehicle)
@@ -60,7 +58,7 @@ def main(figure: str = "") -> None:
 
 def posterior(vehicle: st.Vehicle) -> st.Draws:
     """Return draws of the normal posterior of a trial of twelve seconds, in which the stern plane moves twice a second or slower."""
-    model, random = vehicle.build(free=list(TERMS)), np.random.default_rng(4)
+    model, random = vehicle.build(free=list(TERMS), positions=["z"]), np.random.default_rng(4)
     time = np.arange(0.0, 12.0, 0.1)
     fin = np.repeat(random.choice([-0.1, 0.1], 24), 5) - 0.06
     start = {"u": SPEED, "w": 0.0, "q": 0.0, "theta": 0.0, "z": 2.0}
@@ -111,14 +109,22 @@ def design(models: dict, kind: str) -> np.ndarray:
     weights = np.diag([1.0 if i in place else 0.0 for i in range(len(states))])
     cost = solve_continuous_are(a, b[:, [fin]], weights + 1e-6 * np.eye(len(states)), np.array([[50.0]]))
     first = -(b[:, [fin]].T @ cost / 50.0)[0, place]
-    quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False, "ipopt.max_iter": 60}
+    quiet = {
+        "ipopt.hessian_approximation": "limited-memory",
+        "ipopt.print_level": 0,
+        "print_time": False,
+        "ipopt.max_iter": 60,
+    }
     solver = ca.nlpsol("solver", "ipopt", {"x": unknown, "f": error, "g": ca.vertcat(*worst)}, quiet)
     return np.array(solver(x0=first, ubg=0.0, lbg=-np.inf)["x"]).ravel()
 
 
 def dive(vehicle: st.Vehicle, cases: dict, models: dict, gains: np.ndarray) -> np.ndarray:
     """Return the depths of all cases under a controller, m, shape (times, cases)."""
-    model = vehicle.build(free=list(TERMS))
+    import jax
+    import jax.numpy as jnp
+
+    model = vehicle.build(free=list(TERMS), positions=["z"])
     states, inputs = list(models["states"]), list(models["inputs"])
     trim = dict(zip(states, models["trim_states"], strict=True)) | dict(zip(inputs, models["trim_inputs"], strict=True))
     params = dict(zip(map(str, cases["names"]), jnp.asarray(cases["draws"].T), strict=True))
@@ -162,7 +168,14 @@ def draw(shown: dict[str, np.ndarray], path: Path) -> None:
             panel.axhline(BOUND, color=ORANGE, linewidth=1.2, linestyle="--")
             panel.set_ylim(4.0, 0.0)
             label_axes(panel, y="depth [m]")
-            panel.text(0.98, 0.9, f"gains from the {kind}: {kept:.1%} keep the bound", transform=panel.transAxes, ha="right", va="top")
+            panel.text(
+                0.98,
+                0.9,
+                f"gains from the {kind}: {kept:.1%} keep the bound",
+                transform=panel.transAxes,
+                ha="right",
+                va="top",
+            )
         label_axes(axes[-1], "time [s]")
         write_text(path, draw_svg(figure, "depth-control"))
 

@@ -11,7 +11,7 @@ from tests.export.finished import finished
 MISTAKES = {
     "no target": (
         ["remus100_prestero"],
-        ["--to", "one of gz, stonefish, fossen, casadi, fmu, mjcf, holoocean, json, csv"],
+        ["--to", "one of gz, stonefish, fossen, casadi, fmu, mjcf, holoocean, json, csv, control, draws"],
     ),
     "unknown target": (["remus100_prestero", "--to", "gazeebo"], ['"gazeebo"', "gz"]),
     "unknown vehicle": (

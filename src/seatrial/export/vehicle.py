@@ -227,7 +227,8 @@ class ExportedVehicle:
 
     def unit(self, name: str) -> str:
         """Return the SI unit of a coefficient, without the kilogram if the mass is unknown."""
-        return self.model().unit_of(CoefficientName.parse(name))
+        parsed = CoefficientName.parse(name)
+        return parsed.unit if self.hull.mass is not None else self.model().unit_of(parsed)
 
 
 def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:

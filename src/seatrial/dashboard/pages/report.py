@@ -22,6 +22,8 @@ TARGETS = {
     "mjcf": "vehicle: MuJoCo",
     "holoocean": "vehicle: HoloOcean",
     "json": "vehicle: JSON, documented",
+    "control": "vehicle: linear models for control",
+    "draws": "vehicle: draws of the posterior",
     "csv": "vehicle: CSV",
     "trial csv": "next trial: CSV",
     "trial json": "next trial: JSON",
