@@ -1,15 +1,17 @@
-"""A depth controller that keeps its bound: gains from 100 vehicles of the posterior against gains from the mean vehicle.
+"""A depth controller that keeps its bound: designed for 100 vehicles of the posterior, or for their mean.
 
 Usage: `python examples/depth_control.py [FIGURE.svg]`; a minute of processor time. It needs CasADi: `pip install "seatrial[export]"`.
 
-A short trial gives a posterior of a REMUS 100. `seatrial.export_vehicle` writes linear models of its mean and of 100 draws. CasADi finds
-the gains of the fin that follow a ramp to 3 m with least error and keep 3.3 m, once for the mean and once for all 100 scenarios. Both
-controllers then dive 200 other vehicles of the posterior, with all their nonlinear forces and the limits of the fin.
+The vehicle is to run as near as possible above a bound of 3 m. A short trial gives a posterior of a REMUS 100. `seatrial.export_vehicle`
+writes linear models of its mean and of 100 draws. CasADi finds the depth to ask for and the gain of depth, so that the depth follows a ramp
+to the bound with least error and never exceeds it: once for the mean, once for all 100 scenarios. Both controllers then dive 200 other
+vehicles of the posterior, with all their nonlinear forces and the limits of the fin.
 """
 
 import sys
 import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.io import loadmat
@@ -18,15 +20,20 @@ from scipy.linalg import solve_continuous_are
 import seatrial as st
 
 TERMS = ("Z_uw", "Z_uq", "Z_uudelta_s", "M_uw", "M_uq", "M_uudelta_s")
-SPEED, GOAL, BOUND, RATE = 1.5, 3.0, 3.3, 0.3
-"""Speed ahead, m/s; depth to reach and to keep, m; rate of the ramp, m/s."""
-STEP, DURATION, FIN = 0.1, 30.0, 0.237
+SPEED, BOUND, RISE, EFFORT = 1.5, 3.0, 10.0, 50.0
+"""Speed ahead, m/s; depth that no vehicle may exceed, m; time of the ramp, s; weight of the fin in the regulator."""
+STEP, DURATION, FIN = 0.1, 25.0, 0.237
 """Of a simulation, s; limit of the fin, rad."""
 SCENARIOS, CASES = 100, 200
 TIME = np.arange(0.0, DURATION, STEP)
-REFERENCE = np.minimum(RATE * TIME, GOAL)
-SHARPNESS = 300.0
-"""Of the smooth maximum over time, 1/m: it is at most 2 cm above the maximum."""
+RAMP = np.minimum(TIME / RISE, 1.0)
+
+
+class Controller(NamedTuple):
+    """Depth to ask for, m, and gains of q, theta and z, from which the fin follows, rad."""
+
+    depth: float
+    gains: np.ndarray
 
 
 def main(figure: str = "") -> None:
@@ -45,10 +52,10 @@ def main(figure: str = "") -> None:
         models, cases = loadmat(folder / "linear_models.mat", simplify_cells=True), dict(np.load(folder / "draws.npz"))
     shown = {}
     for kind in ("mean", "scenarios"):
-        gains = design(models, kind)
-        shown[kind] = dive(vehicle, cases, models, gains)
+        controller = design(models, kind)
+        shown[kind] = dive(vehicle, cases, models, controller)
         kept = (shown[kind].max(0) <= BOUND).mean()
-        print(f"gains from the {kind}: q {gains[0]:.3f} s, theta {gains[1]:.3f}, z {gains[2]:.4f} rad/m: "
+        print(f"designed for the {kind}: asks for {controller.depth:.3f} m with {controller.gains[2]:.3f} rad/m: "
               f"{kept:.1%} of {CASES} vehicles stay above {BOUND} m")  # fmt: skip
     if figure:
         draw(shown, Path(figure))
@@ -75,8 +82,8 @@ def posterior(vehicle: st.Vehicle) -> st.Draws:
     return st.Draws(normal, normal[..., 0], 0.5, 0, TERMS, units, normal)
 
 
-def design(models: dict, kind: str) -> np.ndarray:
-    """Return gains of q, theta and z by which a vehicle follows the ramp with least error and keeps the bound."""
+def design(models: dict, kind: str) -> Controller:
+    """Return the controller that follows a ramp to the bound with least error and keeps the bound in every linear model."""
     import casadi as ca
 
     states, inputs = list(models["states"]), list(models["inputs"])
@@ -86,40 +93,39 @@ def design(models: dict, kind: str) -> np.ndarray:
     systems = [(a, b, *held)] if kind == "mean" else list(zip(*(np.moveaxis(one, -1, 0) for one in drawn), strict=True))
     fin = inputs.index("delta_s")
 
-    gains, x, reference = ca.SX.sym("gains", 3), ca.SX.sym("x", len(states)), ca.SX.sym("reference")
+    # Regulator of the mean vehicle, of which CasADi may change the gain of depth.
+    weights = np.diag([1.0 if i in place else 0.0 for i in range(len(states))]) + 1e-6 * np.eye(len(states))
+    cost = solve_continuous_are(a, b[:, [fin]], weights, np.array([[EFFORT]]))
+    gains = -(b[:, [fin]].T @ cost / EFFORT)[0, place]
+
+    choice, x, ramp = ca.SX.sym("choice", 2), ca.SX.sym("x", len(states)), ca.SX.sym("ramp")
     parts = [ca.SX.sym(name, *np.atleast_2d(one.T).T.shape) for name, one in zip("abst", systems[0], strict=True)]
     away = x + parts[2] - held[0]  # from the trim of the mean, which is all that the controller has
-    command = gains[0] * away[place[0]] + gains[1] * away[place[1]] + gains[2] * (x[place[2]] - reference)
+    command = gains[0] * away[place[0]] + gains[1] * away[place[1]] + choice[1] * (x[place[2]] - choice[0] * ramp)
     driven = ca.vertcat(*(command if i == fin else 0 for i in range(len(inputs)))) + held[1] - parts[3]
-    rate = ca.Function("rate", [x, gains, reference, *parts], [parts[0] @ x + parts[1] @ driven])
-    k1 = rate(x, gains, reference, *parts)
-    k2 = rate(x + STEP / 2 * k1, gains, reference, *parts)
-    k3 = rate(x + STEP / 2 * k2, gains, reference, *parts)
-    k4 = rate(x + STEP * k3, gains, reference, *parts)
-    step = ca.Function("step", [x, gains, reference, *parts], [x + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
+    rate = ca.Function("rate", [x, choice, ramp, *parts], [parts[0] @ x + parts[1] @ driven])
+    k1 = rate(x, choice, ramp, *parts)
+    k2 = rate(x + STEP / 2 * k1, choice, ramp, *parts)
+    k3 = rate(x + STEP / 2 * k2, choice, ramp, *parts)
+    k4 = rate(x + STEP * k3, choice, ramp, *parts)
+    step = ca.Function("step", [x, choice, ramp, *parts], [x + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)])
 
-    unknown = ca.MX.sym("gains", 3)
-    worst, error = [], 0
-    run = step.mapaccum("run", TIME.size)
+    unknown, run = ca.MX.sym("choice", 2), step.mapaccum("run", TIME.size)
+    deepest, error = [], 0
     for system in systems:
         numbers = [ca.repmat(ca.DM(np.atleast_2d(one.T).T), 1, TIME.size) for one in system]
-        depth = run(held[0] - system[2], ca.repmat(unknown, 1, TIME.size), REFERENCE[None], *numbers)[place[2], :]
-        worst.append(ca.logsumexp(SHARPNESS * (depth.T - BOUND)) / SHARPNESS)
-        error += ca.sumsqr(depth - REFERENCE[None]) / len(systems)
-    weights = np.diag([1.0 if i in place else 0.0 for i in range(len(states))])
-    cost = solve_continuous_are(a, b[:, [fin]], weights + 1e-6 * np.eye(len(states)), np.array([[50.0]]))
-    first = -(b[:, [fin]].T @ cost / 50.0)[0, place]
-    quiet = {
-        "ipopt.hessian_approximation": "limited-memory",
-        "ipopt.print_level": 0,
-        "print_time": False,
-        "ipopt.max_iter": 60,
-    }
-    solver = ca.nlpsol("solver", "ipopt", {"x": unknown, "f": error, "g": ca.vertcat(*worst)}, quiet)
-    return np.array(solver(x0=first, ubg=0.0, lbg=-np.inf)["x"]).ravel()
+        depth = run(held[0] - system[2], ca.repmat(unknown, 1, TIME.size), RAMP[None], *numbers)[place[2], :]
+        deepest.append(ca.mmax(depth))
+        error += ca.sumsqr(depth - BOUND * RAMP[None]) / len(systems)
+    quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False}
+    solver = ca.nlpsol("solver", "ipopt", {"x": unknown, "f": error, "g": ca.vertcat(*deepest)}, quiet)
+    low, high = np.array([0.5 * BOUND, 2.0 * gains[2]]), np.array([BOUND, 0.5 * gains[2]])
+    bounds = {"lbx": np.minimum(low, high), "ubx": np.maximum(low, high), "lbg": -np.inf, "ubg": BOUND}
+    depth, gain = np.array(solver(x0=[0.9 * BOUND, gains[2]], **bounds)["x"]).ravel()
+    return Controller(float(depth), np.array([gains[0], gains[1], gain]))
 
 
-def dive(vehicle: st.Vehicle, cases: dict, models: dict, gains: np.ndarray) -> np.ndarray:
+def dive(vehicle: st.Vehicle, cases: dict, models: dict, controller: Controller) -> np.ndarray:
     """Return the depths of all cases under a controller, m, shape (times, cases)."""
     import jax
     import jax.numpy as jnp
@@ -127,6 +133,7 @@ def dive(vehicle: st.Vehicle, cases: dict, models: dict, gains: np.ndarray) -> n
     model = vehicle.build(free=list(TERMS), positions=["z"])
     states, inputs = list(models["states"]), list(models["inputs"])
     trim = dict(zip(states, models["trim_states"], strict=True)) | dict(zip(inputs, models["trim_inputs"], strict=True))
+    gains = controller.gains
     params = dict(zip(map(str, cases["names"]), jnp.asarray(cases["draws"].T), strict=True))
 
     @jax.jit
@@ -147,7 +154,7 @@ def dive(vehicle: st.Vehicle, cases: dict, models: dict, gains: np.ndarray) -> n
 
     x = tuple(jnp.full(CASES, trim[name] if name != "z" else 0.0) for name in model.states)
     depth = []
-    for reference in REFERENCE:
+    for reference in controller.depth * RAMP:
         depth.append(np.asarray(x[model.states.index("z")]))
         x = step(x, reference)
     return np.array(depth)
@@ -166,12 +173,12 @@ def draw(shown: dict[str, np.ndarray], path: Path) -> None:
             for one in depth.T[::4]:
                 panel.plot(TIME, one, color=BLUE if one.max() <= BOUND else ORANGE, linewidth=0.6)
             panel.axhline(BOUND, color=ORANGE, linewidth=1.2, linestyle="--")
-            panel.set_ylim(4.0, 0.0)
+            panel.set_ylim(1.25 * BOUND, 0.0)
             label_axes(panel, y="depth [m]")
             panel.text(
                 0.98,
                 0.9,
-                f"gains from the {kind}: {kept:.1%} keep the bound",
+                f"designed for the {kind}: {kept:.1%} keep the bound",
                 transform=panel.transAxes,
                 ha="right",
                 va="top",
