@@ -74,13 +74,11 @@ class Control:
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
-        ensemble, models = self._models(vehicle)
+        models = self._models(vehicle)[1]
         head = "".join(f"# {line}\n" for whole in statement.lines for line in whole.splitlines() or [""])
         parts = {part.name: list(part.states) for part in parts_of(vehicle, models[0])}
         drives = {part.name: [part.input, part.direction.tolist()] for part in parts_of(vehicle, models[0])}
-        module = head + _MODULE.replace("@PARTS@", json.dumps(parts)).replace("@DRIVES@", json.dumps(drives)).replace(
-            "@NUMBERS@", json.dumps(_table(vehicle, models, ensemble), indent=1)
-        )
+        module = head + _MODULE.replace("@PARTS@", json.dumps(parts)).replace("@DRIVES@", json.dumps(drives))
         files: dict[str, str | bytes] = {
             "linear_models.py": module,
             "linear_models.mat": _mat_file(models, "\n".join(statement.lines), self.target),
@@ -90,10 +88,9 @@ class Control:
         for part in parts_of(vehicle, nearest):
             if part.name in _DRAWN and part.input:
                 drawn = _bode(nearest, part)
+                inside = drawn.index(">", drawn.index("<svg")) + 1
                 about = f"<desc>{text(chr(10).join(statement.lines))}</desc>"
-                files[f"bode_{part.name}.svg"] = drawn.replace(
-                    ">", f">{about}", drawn[: drawn.index("<svg")].count(">") + 1
-                )
+                files[f"bode_{part.name}.svg"] = drawn[:inside] + about + drawn[inside:]
         return files
 
     def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[LinearModel]]:
@@ -146,17 +143,6 @@ def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
     missing = int(np.isnan(model.a[1:, 0, 0]).sum())
     words += [f"{missing} draws have no trim there and are NaN"] if missing else []
     return ", ".join(words) or "all other signals zero"
-
-
-def _table(vehicle: ExportedVehicle, models: list[LinearModel], ensemble: Ensemble | None) -> list[dict]:
-    size = 0 if ensemble is None else len(ensemble.values)
-    return [
-        {"speed": model.speed, "part": part.name, "name": one.name, "real": one.value.real, "imag": one.value.imag,
-         "sd": one.sd, "unit": one.unit, "verdict": verdict(one)}
-        for model in models
-        for part in parts_of(vehicle, model)
-        for one in numbers_of(part, size)
-    ]  # fmt: skip
 
 
 def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
@@ -223,13 +209,9 @@ from scipy.io import loadmat
 DATA = loadmat(Path(__file__).with_name("linear_models.mat"), simplify_cells=True)
 STATES, INPUTS, OUTPUTS = ([str(x).strip() for x in np.atleast_1d(DATA[key])] for key in ("states", "inputs", "outputs"))
 SPEEDS = np.atleast_1d(DATA["speeds"])
-NAN = float("nan")
 # States of each subsystem; its input, and the direction of the controls that this input is.
 PARTS = @PARTS@
 DRIVES = @DRIVES@
-# Poles, time constants, gains and Nomoto's K and T of each subsystem, with their standard deviation.
-null = None
-NUMBERS = @NUMBERS@
 
 
 def model(speed, draw=None, part=None):
