@@ -355,7 +355,8 @@ def export_to(
         rest: of a campaign, published vehicle with all coefficients that it does not model.
         configuration: of a campaign, or of draws, in which coefficients differ between configurations of the vehicle.
         announce: called with the statement, which says what is lost, before anything is written.
-        options: of the target: `engine` of `gz`; `density` of the water, kg/m^3, of simulators.
+        options: of the target: `engine` of `gz`; `density` of the water, kg/m^3, of simulators; `count` and `seed` of draws; `speeds`, m/s,
+            of `control`.
 
     Returns:
         the statement of the export (`.lines`) with losses in predicted motion, and the files.
