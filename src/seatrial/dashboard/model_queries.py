@@ -63,7 +63,7 @@ from seatrial.export.target import Exporter
 from seatrial.export.trials.trial import read_trial
 from seatrial.export.trials.write import FORMATS, check_format
 from seatrial.export.vehicle import ExportedVehicle, same_mass
-from seatrial.export.write import carried_by, exporter_names, make_exporter, untethered
+from seatrial.export.write import carried_by, check_exportable, exporter_names, make_exporter
 from seatrial.logs.align import common_interval
 from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Limits
@@ -136,7 +136,7 @@ def _trial_targets(folder: str) -> list[ExportTarget]:
 
 def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
     try:
-        exporter.check(untethered(vehicle))
+        check_exportable(exporter, vehicle)
     except InputError as error:
         return ExportTarget(exporter.name, False, error.sentence(), ())
     return ExportTarget(exporter.name, False, "", carried_by(exporter, vehicle).lost)

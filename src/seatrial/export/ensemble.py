@@ -16,13 +16,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import gammaincinv
 
-from seatrial.core.argument_checks import check_number
+from seatrial.core.argument_checks import check_count
 from seatrial.core.errors import InputError
 from seatrial.export.stability import check_stable
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle
 
 DRAWS = 256  # Draws if no other number is asked for
-MAX_DRAWS = 100_000
 SET_PROBABILITY = 0.9  # Of the ellipsoid
 OUTSIDE = "bounds of the priors"
 NOT_INFORMED = 0.9  # Share of the prior's standard deviation from which the data did not inform a coefficient
@@ -102,10 +101,11 @@ def ensemble_of(vehicle: ExportedVehicle, count: int = DRAWS, seed: int = 0) -> 
         InputError: a count that is none, or a posterior of which hardly any vehicle can move.
     """
     place = f'vehicle "{vehicle.name}", draws'
-    check_number(count, place, least=2, below=MAX_DRAWS + 1, remedy=f"ask for 2 to {MAX_DRAWS}")
+    check_count(count, place, least=2)
     estimated, kept, replaced = vehicle.estimated, [], Counter()
     bounds = estimated.prior or (np.full(estimated.mean.shape, -np.inf), np.full(estimated.mean.shape, np.inf))
-    correlation = estimated.covariance / np.outer(estimated.sd, estimated.sd)
+    scale = np.where(estimated.sd > 0, estimated.sd, 1.0)
+    correlation = estimated.covariance / np.outer(scale, scale)
     random = np.random.default_rng(seed)
     tries = random.multivariate_normal(np.zeros(estimated.sd.size), correlation, _MAX_TRIES * count, method="eigh")
     for values in estimated.mean + estimated.sd * tries:

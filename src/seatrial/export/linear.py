@@ -273,7 +273,7 @@ def _at_speed(
     start = np.zeros((count, len(names)))
     start[:, names.index("u")] = speed
     for i, name in enumerate(names[d:], d):
-        start[:, i] = _FIRST_TURNS if name.split("_")[0] == "n" and speed else 0.0
+        start[:, i] = _FIRST_TURNS if name.split("_")[0] == "n" else 0.0
 
     for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
         for more in _FREE:

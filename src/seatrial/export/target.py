@@ -23,7 +23,6 @@ class Carried(NamedTuple):
         changed: what it carries in another form, in words.
         actuators: lags, rates and limits that it has, by control; a control without one acts at once.
         reversed: controls whose command in the target is minus the vehicle's, since the target's own convention has them so.
-        notes: further results of the target, line by line.
     """
 
     motion: Motion
@@ -31,7 +30,6 @@ class Carried(NamedTuple):
     changed: tuple[str, ...] = ()
     actuators: Mapping[str, Actuator] = MappingProxyType({})
     reversed: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,10 @@ class Statement(NamedTuple):
 
 
 class Exporter(Protocol):
-    """One target."""
+    """One target.
+
+    It may also have `takes_unknown_mass`, if its numbers do not need the mass, and `notes(vehicle)`, further lines of its statement.
+    """
 
     @property
     def name(self) -> str:

@@ -72,7 +72,9 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     result = Statement(
         exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted, vehicle.estimated
     )
-    return result._replace(lines=tuple(_lines(vehicle, result, command_line(vehicle, carried, plan))))
+    lines = _lines(vehicle, result, command_line(vehicle, carried, plan))
+    notes = exporter.notes(untethered(vehicle)) if hasattr(exporter, "notes") else ()  # pyright: ignore[reportAttributeAccessIssue]
+    return result._replace(lines=(*lines, *notes))
 
 
 def carried_by(exporter: Exporter, vehicle: ExportedVehicle) -> Carried:
@@ -114,6 +116,18 @@ def export_vehicle(
     Raises:
         InputError: a vehicle that the target cannot hold or would make unstable; nothing is written then.
     """
+    check_exportable(exporter, vehicle)
+    statement = state(exporter, vehicle, provenance)
+    if announce is not None:
+        announce(statement)
+    files = exporter.write(untethered(vehicle), statement)
+    for name, content in files.items():
+        write_bytes(folder / name, content) if isinstance(content, bytes) else write_text(folder / name, content)
+    return statement, [folder / name for name in files]
+
+
+def check_exportable(exporter: Exporter, vehicle: ExportedVehicle) -> None:
+    """Refuse a vehicle that a target cannot hold; raises as `Exporter.check`, and for an unknown mass that the target needs."""
     if vehicle.hull.mass is None and not getattr(exporter, "takes_unknown_mass", False):
         raise InputError(
             f'vehicle "{vehicle.name}", export to {exporter.name}',
@@ -122,13 +136,6 @@ def export_vehicle(
             remedy="give the mass, and the inertia of axes that turn, and estimate again; or export to control or draws",
         )
     exporter.check(untethered(vehicle))
-    statement = state(exporter, vehicle, provenance)
-    if announce is not None:
-        announce(statement)
-    files = exporter.write(untethered(vehicle), statement)
-    for name, content in files.items():
-        write_bytes(folder / name, content) if isinstance(content, bytes) else write_text(folder / name, content)
-    return statement, [folder / name for name in files]
 
 
 def exporter_names() -> tuple[str, ...]:
@@ -266,7 +273,7 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
             "at that speed the vehicle is unstable without control: small differences grow "
             f"{np.exp(statement.growth):.1f} times each second, also those of unsupported terms"
         )
-    return [*lines, *carried.notes]
+    return lines
 
 
 def _change_words(change: MotionChange) -> str:

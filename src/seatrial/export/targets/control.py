@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from seatrial.core.argument_checks import check_number
+from seatrial.core.argument_checks import check_number, check_sequence
 from seatrial.core.signals import signal_unit
 from seatrial.export.ensemble import DRAWS, Ensemble, ensemble_of
 from seatrial.export.linear import (
@@ -57,20 +57,12 @@ class Control:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         check_stable(vehicle, self.name)
-        for speed in self.speeds:
+        for speed in check_sequence(self.speeds, "export to control, speeds", "give speeds such as (1.0, 1.5), m/s"):
             check_number(speed, "export to control, speeds", least=0.0, remedy="give speeds ahead in m/s")
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything that acts on a small motion; limits do not."""
-        limited = [
-            f"limits of {name}" for name, one in vehicle.actuators.items() if np.isfinite([one.lower, one.upper]).any()
-        ]
-        limited += [f"rate of {name}" for name, one in vehicle.actuators.items() if np.isfinite(one.rate)]
-        return Carried(
-            motion_of(vehicle),
-            actuators=vehicle.actuators,
-            notes=(*([f"linear models have no {', '.join(limited)}"] if limited else []), *self._lines(vehicle)),
-        )
+        """See `Exporter`: the motion itself, of which the files have the slopes."""
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
@@ -95,12 +87,16 @@ class Control:
 
     def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[LinearModel]]:
         ensemble = ensemble_of(vehicle, self.count, self.seed) if vehicle.estimated.names else None
-        return ensemble, linearise(vehicle, self.speeds or usual_speeds(vehicle), ensemble)
+        return ensemble, linearise(vehicle, tuple(self.speeds) or usual_speeds(vehicle), ensemble)
 
-    def _lines(self, vehicle: ExportedVehicle) -> list[str]:
+    def notes(self, vehicle: ExportedVehicle) -> list[str]:
+        """Return trim, poles, time constants and gains of each speed, with what linear models leave out."""
         ensemble, models = self._models(vehicle)
         size = 0 if ensemble is None else len(ensemble.values)
-        lines = [
+        bounds = {name: np.isfinite([one.lower, one.upper, one.rate]).any() for name, one in vehicle.actuators.items()}
+        limited = [name for name, is_limited in bounds.items() if is_limited]
+        lines = [f"linear models have no limits and rates of {' '.join(limited)}"] if limited else []
+        lines += [
             f"linear models, with ± as half the width of the central 68 % of {size} draws"
             if size
             else "linear models without ±: all values are published"

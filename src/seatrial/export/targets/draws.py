@@ -31,9 +31,12 @@ class DrawsTable:
         check_estimated(vehicle, self.name)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything; the notes are the widths of the coefficients."""
-        notes = ensemble_lines(vehicle, ensemble_of(vehicle, self.count, self.seed))
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators, notes=notes)
+        """See `Exporter`: everything."""
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
+
+    def notes(self, vehicle: ExportedVehicle) -> tuple[str, ...]:
+        """Return how the draws came about, and how far to randomise."""
+        return ensemble_lines(vehicle, ensemble_of(vehicle, self.count, self.seed))
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
