@@ -182,7 +182,7 @@ def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
     if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
         return rows
     gain = gains_of(part)
-    if part.input != "delta_r":
+    if part.input != "delta_r" or not gain[0]:
         return [*rows, _known(f"gain {part.output} by {part.input}", gain, unit, ensemble_size)]
     rows.append(_known("Nomoto K", gain, unit, ensemble_size))
     at = part.states.index("r")
@@ -271,9 +271,9 @@ def _at_speed(
     evaluate = _rates_and_slopes(model)
     balanced = [model.states.index(name) for name in (*RATES, "z") if name in model.states]
     start = np.zeros((count, len(names)))
-    start[:, names.index("u")] = speed
     for i, name in enumerate(names[d:], d):
         start[:, i] = _FIRST_TURNS if name.split("_")[0] == "n" else 0.0
+    start[:, names.index("u")] = speed  # a state, or given
 
     for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
         for more in _FREE:

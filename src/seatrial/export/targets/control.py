@@ -78,7 +78,7 @@ class Control:
         trim = vehicle.hull.trim.get("u", models[0].speed)
         nearest = min(models, key=lambda one: abs(one.speed - trim))
         for part in parts_of(vehicle, nearest):
-            if part.name in _DRAWN and part.input:
+            if part.name in _DRAWN and part.b[0].any():
                 drawn = _bode(nearest, part)
                 inside = drawn.index(">", drawn.index("<svg")) + 1
                 about = f"<desc>{text(chr(10).join(statement.lines))}</desc>"
