@@ -178,7 +178,8 @@ def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
         if abs(size) > _ROUNDING * max(abs(poles[0, i]), 1e-6):
             time, sign = ("time constant", -1.0) if size < 0 else ("growth time", 1.0)
             rows.append(_known(f"{time} of {label}", sign / poles[:, i].real, "s", ensemble_size))
-    determinant = np.linalg.det(part.a)
+    with np.errstate(invalid="ignore"):  # of draws without a trim
+        determinant = np.linalg.det(part.a)
     if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
         return rows
     gain = gains_of(part)
