@@ -117,7 +117,13 @@ def design(models: dict, kind: str) -> Controller:
         depth = run(held[0] - system[2], ca.repmat(unknown, 1, TIME.size), RAMP[None], *numbers)[place[2], :]
         deepest.append(ca.mmax(depth))
         error += ca.sumsqr(depth - BOUND * RAMP[None]) / len(systems)
-    quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False}
+    quiet = {
+        "ipopt.hessian_approximation": "limited-memory",
+        "ipopt.print_level": 0,
+        "print_time": False,
+        "ipopt.max_iter": 100,
+        "ipopt.tol": 1e-4,
+    }
     solver = ca.nlpsol("solver", "ipopt", {"x": unknown, "f": error, "g": ca.vertcat(*deepest)}, quiet)
     low, high = np.array([0.5 * BOUND, 2.0 * gains[2]]), np.array([BOUND, 0.5 * gains[2]])
     bounds = {"lbx": np.minimum(low, high), "ubx": np.maximum(low, high), "lbg": -np.inf, "ubg": BOUND}
