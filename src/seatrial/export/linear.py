@@ -158,7 +158,7 @@ def poles_of(a: Float[np.ndarray, "m s s"]) -> Complex[np.ndarray, "m s"]:
 def pole_names(a: Float[np.ndarray, "s s"], states: Sequence[str]) -> list[str]:
     """Return the state with the largest part in each pole, in the order of `poles_of`."""
     values, right = np.linalg.eig(a)
-    order = np.lexsort((values.imag, np.abs(values)))
+    order = np.lexsort((np.imag(values), np.abs(values)))
     try:
         part = np.abs(right * np.linalg.inv(right).T)
     except np.linalg.LinAlgError:  # two equal poles with one direction
@@ -177,7 +177,7 @@ def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
         size = poles[0, i].real
         if abs(size) > _ROUNDING * max(abs(poles[0, i]), 1e-6):
             time, sign = ("time constant", -1.0) if size < 0 else ("growth time", 1.0)
-            rows.append(_known(f"{time} of {label}", sign / poles[:, i].real, "s", ensemble_size))
+            rows.append(_known(f"{time} of {label}", sign / np.real(poles[:, i]), "s", ensemble_size))
     with np.errstate(invalid="ignore"):  # of draws without a trim
         determinant = np.linalg.det(part.a)
     if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
@@ -371,7 +371,7 @@ def _known(name: str, values: np.ndarray, unit: str, ensemble_size: int) -> Know
     finite = values[1:][np.isfinite(values[1:])]
     spread = None
     if ensemble_size:
-        low, high = np.quantile(finite.real, (0.16, 0.84)) if finite.size else (np.nan, np.nan)
+        low, high = np.quantile(np.real(finite), (0.16, 0.84)) if finite.size else (np.nan, np.nan)
         spread = float(high - low) / 2
     value = complex(values[0])
     real, imag = (part if abs(part) > _ROUNDING * abs(value) else 0.0 for part in (value.real, value.imag))
