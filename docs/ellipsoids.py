@@ -54,7 +54,7 @@ def holds(seed: str, number: int) -> list[bool]:
 def table(found: dict) -> str:
     """Return the shares of vehicles whose coefficients lie inside."""
     lines = [
-        "\n| wrong with the model | vehicles | inside, noise only | inside, with model error |",
+        "| wrong with the model | vehicles | inside, noise only | inside, with model error |",
         "|---|---|---|---|",
     ]
     for seed in TRIED:
@@ -63,7 +63,7 @@ def table(found: dict) -> str:
         lines.append(
             f"| {ARMS[seed].words} | {len(found[seed])} | {100 * within:.1f} % | {100 * wider:.1f} % ± {100 * error:.1f} % |"
         )
-    return "\n".join([*lines, "", ""])
+    return "\n".join([*lines, ""])
 
 
 def main() -> None:

@@ -16,6 +16,7 @@ import benchmark_tables
 import calibration
 import calibration_alarms
 import configurations
+import ellipsoids
 import evidence
 import false_terms
 import gpu
@@ -41,6 +42,7 @@ PAGES = {
     "benchmark": ("benchmark", benchmark_tables.COMMAND, benchmark_tables.tables),
     "exports": ("exports", laboratory.COMMAND, laboratory.tables),
     "export_programs": ("exports", programs.COMMAND, programs.tables),
+    "ellipsoids": ("exports", ellipsoids.COMMAND, ellipsoids.table),
     "gpu": ("../how-to/cluster", gpu.COMMAND, gpu.tables),
     "calibration": ("calibration", "", calibration.tables),
     "calibration_alarms": ("calibration", calibration_alarms.COMMAND, calibration_alarms.tables),
