@@ -121,7 +121,7 @@ def design(models: dict, kind: str) -> Controller:
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.print_level": 0,
         "print_time": False,
-        "ipopt.max_iter": 100,
+        "ipopt.max_iter": 25,
         "ipopt.tol": 1e-4,
     }
     solver = ca.nlpsol("solver", "ipopt", {"x": unknown, "f": error, "g": ca.vertcat(*deepest)}, quiet)
