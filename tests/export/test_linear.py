@@ -17,7 +17,7 @@ from seatrial.export.motion import motion_of
 from seatrial.export.vehicle import CoefficientEstimates, PriorRanges
 from seatrial.export.write import export_vehicle, make_exporter
 from seatrial.vehicles.actuators import Actuator
-from tests.export.cases import PROVENANCE, published, rich, with_terms
+from tests.export.cases import PROVENANCE, published, rich, with_law, with_terms
 
 
 def numbers(vehicle, speed, ensemble=None):
@@ -208,3 +208,14 @@ def test_published_values_have_no_draws_and_hopeless_ones_are_refused():
         ensemble_of(replace(vehicle, estimated=replace(vehicle.estimated, prior=prior)), 10)
     with pytest.raises(InputError, match="whole number, 2 or more"):
         ensemble_of(vehicle, 1)
+
+
+def test_estimated_gains_of_thrusters_are_in_the_slopes():
+    """The command of each thruster counts by its gain, less astern; a lag is a state, so its command enters there."""
+    law = replace(with_law(), actuators={}, estimated=CoefficientEstimates())
+    (ours,), (stated,) = (linearise(one, (0.5,), None) for one in (law, replace(law, numbers={})))
+    column, value = ours.inputs.index("f_3"), {name: one.value for name, one in law.numbers.items()}
+    row = np.abs(stated.b[0, :, column]).argmax()
+    gain = value["gain_f"] * value["gain_f_3"] * (value["reverse_f"] if ours.control[0, column] < 0 else 1.0)
+    assert ours.b[0, row, column] == pytest.approx(gain * stated.b[0, row, column], rel=1e-9)
+    assert any("dead_f" in line for line in make_exporter("control").carries(law).lost)

@@ -120,7 +120,9 @@ def linearise(vehicle: ExportedVehicle, speeds: tuple[float, ...], ensemble: Ens
         if ensemble is None
         else np.concatenate([mean, ensemble.values[:, [ensemble.names.index(n) for n in names]]])
     )
-    return [_at_speed(vehicle, model, dict(zip(names, values.T, strict=True)), len(values), speed) for speed in speeds]
+    params = dict(zip(names, values.T, strict=True))
+    params |= {name: np.full(len(values), value) for name, value in _thrust_law(vehicle).items()}
+    return [_at_speed(vehicle, model, params, len(values), speed) for speed in speeds]
 
 
 def usual_speeds(vehicle: ExportedVehicle) -> tuple[float, ...]:
@@ -243,7 +245,13 @@ def _model(vehicle: ExportedVehicle) -> VehicleModel:
         angles=("psi",) if "r" in vehicle.moves else (),
         added_coriolis=vehicle.added_coriolis,
         thrusters=vehicle.thrusters,
+        unknowns=tuple(_thrust_law(vehicle)),
     )
+
+
+def _thrust_law(vehicle: ExportedVehicle) -> dict[str, float]:
+    """Return the estimated gains of thrusters. Within a dead zone no control acts, so the models hold beyond it."""
+    return {name: value for name, value in vehicle.thrust_law.items() if not name.startswith("dead_")}
 
 
 @lru_cache(maxsize=8)

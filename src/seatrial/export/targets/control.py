@@ -62,7 +62,8 @@ class Control:
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: the motion itself, of which the files have the slopes."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
+        dead = [f"{name}, the dead zone: add it to the commands" for name in vehicle.thrust_law if name[:5] == "dead_"]
+        return Carried(motion_of(vehicle), tuple(dead), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
