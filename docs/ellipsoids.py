@@ -29,7 +29,7 @@ def holds(seed: str, number: int) -> list[bool]:
     """Return whether the ellipsoids of one vehicle hold its coefficients: without and with model error."""
     st.configure()
     random = np.random.default_rng([ord(seed), number])
-    priors = {name: (SURGE.always | SURGE.optional)[name] for name in NAMES}
+    priors = {name: {**SURGE.always, **SURGE.optional}[name] for name in NAMES}
     truth = {name: float(prior.mean + prior.sd * random.standard_normal()) for name, prior in priors.items()}
     records = surge_runs(ARMS[seed], truth, random)
     model = SURGE.vehicle().build(free=list(NAMES))
