@@ -1,6 +1,6 @@
 """A depth controller that keeps its bound: designed for 100 vehicles of the posterior, or for their mean.
 
-Usage: `python examples/depth_control.py [FIGURE.svg]`; a minute of processor time. It needs CasADi: `pip install "seatrial[export]"`.
+Usage: `python examples/depth_control.py [FIGURE.svg]`; a minute of processor time. It needs CasADi: `pip install ".[export]"`.
 
 The vehicle is to run as near as possible above a bound of 3 m. A short trial gives a posterior of a REMUS 100. `seatrial.export_vehicle`
 writes linear models of its mean and of 100 draws. CasADi finds the depth to ask for and the gain of depth, so that the depth follows a ramp
@@ -41,7 +41,7 @@ def main(figure: str = "") -> None:
     try:
         import casadi  # noqa: F401
     except ImportError:
-        raise SystemExit('this example needs CasADi: pip install "seatrial[export]"') from None
+        raise SystemExit('this example needs CasADi: pip install ".[export]"') from None
     st.configure()
     vehicle = st.load_vehicle("remus100_longitudinal")
     draws = posterior(vehicle)

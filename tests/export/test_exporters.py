@@ -154,7 +154,7 @@ def test_exporters_of_other_packages_are_found_by_name(tmp_path, monkeypatch):
         make_exporter("list")
     with pytest.raises(InputError, match=r"(?s)--to absent, .*ModuleNotFoundError.*that fits, or remove it"):
         make_exporter("absent")
-    with pytest.raises(InputError, match="csv, plain, list, absent"):
+    with pytest.raises(InputError, match="draws, plain, list, absent"):
         make_exporter("nothing_like_it")
 
 

@@ -170,7 +170,7 @@ def test_a_mesh_without_trimesh_names_the_extra(tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(InputError, match=r"seatrial\[mesh\]"):
+    with pytest.raises(InputError, match=r"\.\[mesh\]"):
         shape_of("ellipsoid", mesh=tmp_path / "hull.stl", mass=1.0)
     with pytest.raises(InputError, match="leave the lengths out"):
         shape_of("ellipsoid", mesh=tmp_path / "hull.stl", length=1.0, mass=1.0)

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from scipy.special import elliprd
 
 from seatrial.core.argument_checks import check_choice, check_number, check_path
-from seatrial.core.errors import InputError
+from seatrial.core.errors import InputError, needing_extra
 from seatrial.core.signals import RATES
 from seatrial.vehicles.hull import AXES
 from seatrial.vehicles.model import ROTATIONS
@@ -299,13 +299,8 @@ def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, pla
     if given or form == "torpedo":
         remedy = "leave the lengths out, and give the form ellipsoid for a closed hull or box for an open frame"
         raise InputError(place, found=", ".join(given) or form, expected="a mesh alone", remedy=remedy)
-    try:
-        import trimesh  # pyright: ignore[reportMissingImports]
-    except ModuleNotFoundError:
-        remedy = 'pip install "seatrial[mesh]", or give length, beam and height'
-        raise InputError(
-            place, found="no trimesh, which reads it", expected="the extra `mesh`", remedy=remedy
-        ) from None
+    with needing_extra("mesh", place, "a mesh that {} reads, which is not installed"):
+        import trimesh
     expected, remedy = "an STL file of a closed surface", "correct the path, or repair the mesh"
     try:
         with path.open("rb") as file:

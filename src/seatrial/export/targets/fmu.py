@@ -16,6 +16,7 @@ from pathlib import Path
 from uuid import UUID
 
 from seatrial.core.errors import needing_extra
+from seatrial.core.files import write_text
 from seatrial.core.signals import CURRENT_COMPONENTS, signal_unit
 from seatrial.export.equations import check_mass, docstring_line, parameters_of, source_of, state_lines, states_of
 from seatrial.export.motion import motion_of
@@ -81,7 +82,7 @@ def packed(script: str, module: str) -> bytes:
     path = list(sys.path)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / f"{module}.py"
-        source.write_text(script, encoding="utf-8")
+        write_text(source, script)
         try:
             made = FmuBuilder.build_FMU(source, dest=folder)
         finally:  # the builder imports the script, and would find this one again under the same name
