@@ -33,7 +33,7 @@ MODEL = """
 
 def fit(question: dict) -> dict[str, list[float]]:
     """Return coefficients and half the widths of their 95 % intervals, SI."""
-    spec = mujoco.MjSpec.from_string(MODEL.format(**question))
+    spec = mujoco.MjSpec.from_string(MODEL.format(**question))  # pyright: ignore[reportAttributeAccessIssue]
     model = spec.compile()
     control, speed = np.array(question["control"]), np.array(question["measured"])
     times = question["step"] * np.arange(speed.size)

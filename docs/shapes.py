@@ -289,7 +289,7 @@ def tables(found: dict[str, Any]) -> str:
         f"{found['percent']} %. By factors from the other vehicles only it is {found['inside by the other vehicles']}: "
         f"{found['percent by the other vehicles']} %.",
         "",
-        "### By kind",
+        "## By kind",
         "",
         "| number | factor | by the rule | published divided by expected, mean | inside 95 % | by the other vehicles |",
         "|---|---|---|---|---|---|",
@@ -303,7 +303,7 @@ def tables(found: dict[str, Any]) -> str:
         )
     lines += [
         "",
-        "### By table",
+        "## By table",
         "",
         "| vehicle | coefficients | lengths | inside 95 % | by the other vehicles | no prior |",
         "|---|---|---|---|---|---|",
@@ -314,10 +314,10 @@ def tables(found: dict[str, Any]) -> str:
         damping = [name for name in table.values if _is_of_motion(name) and name not in {row.name for row, *_ in of}]
         absent = ", ".join(f"`{name}`" for name in damping) or "–"
         lines.append(f"| {table.vehicle} | {table.source} | {table.lengths} | {counts[0]} | {counts[1]} | {absent} |")
-    lines += ["", "### Tables that disagree", "", *_disagreements([row for row, *_ in rows])]
+    lines += ["", "## Tables that disagree", "", *_disagreements([row for row, *_ in rows])]
     lines += [
         "",
-        "### Every number",
+        "## Every number",
         "",
         "| vehicle | number | published | from the shape | 95 % of the prior | inside |",
         "|---|---|---|---|---|---|",

@@ -75,8 +75,9 @@ def by_fmpy(folder: Path, vehicle: ExportedVehicle, plan: ManoeuvrePlan) -> Hist
 
 def by_mujoco(folder: Path, vehicle: ExportedVehicle, plan: ManoeuvrePlan) -> History:
     """Steps of MuJoCo's Runge-Kutta integrator."""
-    import mujoco  # pyright: ignore[reportMissingImports]
+    import mujoco as bindings  # pyright: ignore[reportMissingImports]
 
+    mujoco: Any = bindings  # which have no types
     (path,) = folder.glob("*.xml")
     model = mujoco.MjModel.from_xml_path(str(path))
     module, data = module_at(path.with_suffix(".py")), mujoco.MjData(model)

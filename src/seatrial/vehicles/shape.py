@@ -316,7 +316,8 @@ def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, pla
     xx, yy, zz = (float(one) * mass / mesh.mass for one in np.diag(mesh.moment_inertia))
     stations, half = np.linspace(low[0], high[0], CUTS), np.zeros((2, CUTS))
     for cut in range(1, CUTS - 1):
-        ends = trimesh.intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [stations[cut], 0.0, 0.0]).reshape(-1, 3)
+        lines = trimesh.intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [stations[cut], 0.0, 0.0])
+        ends = np.asarray(lines).reshape(-1, 3)
         half[:, cut] = np.ptp(ends[:, 1:], axis=0) / 2 if len(ends) else 0.0
     sections = np.array([stations - mesh.center_mass[0], *half])
     return Shape("hull", (length, beam, height), mass, float(mesh.volume), (xx, yy, zz), sections)

@@ -208,8 +208,8 @@ class EstimationTable(Table):
     )
     by_configuration: Several[str] | None = Field(
         default=None,
-        description="coefficients and other unknowns of the vehicle with a value for each configuration of the runs; if not given, "
-        "`net_weight` and `z_b` if they have a prior",
+        description="coefficients and other unknowns of the vehicle with a value for each configuration; `net_weight` and `z_b` by "
+        "default, if they have a prior",
     )
     inertia_error: StatedShare = Field(
         default=0.05,
