@@ -22,6 +22,7 @@ from seatrial.export.stability import check_stable
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle
 
 DRAWS = 256  # Draws if no other number is asked for
+MOST_DRAWS = 10_000
 SET_PROBABILITY = 0.9  # Of the ellipsoid
 OUTSIDE = "bounds of the priors"
 NOT_INFORMED = 0.9  # Share of the prior's standard deviation from which the data did not inform a coefficient
@@ -102,6 +103,8 @@ def ensemble_of(vehicle: ExportedVehicle, count: int = DRAWS, seed: int = 0) -> 
     """
     place = f'vehicle "{vehicle.name}", draws'
     check_count(count, place, least=2)
+    if count > MOST_DRAWS:
+        raise InputError(place, found=f"{count}", expected=f"at most {MOST_DRAWS}", remedy="some hundreds are enough")
     estimated, kept, replaced = vehicle.estimated, [], Counter()
     bounds = estimated.prior or (np.full(estimated.mean.shape, -np.inf), np.full(estimated.mean.shape, np.inf))
     scale = np.where(estimated.sd > 0, estimated.sd, 1.0)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
+from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL, RATES, signal_unit
 from seatrial.export.ensemble import Ensemble
@@ -25,12 +26,13 @@ from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation
 from seatrial.vehicles.whole import whole_vehicle
 
-# Subsystems: their velocities and angles, the output, and the controls of a vehicle without thrusters, the first it has.
+# Subsystems: their velocities and angles, the output, the controls of a vehicle without thrusters, the first it has, and the axes of
+# the coefficients that make its motion.
 PARTS = {
-    "surge": (("u",), "u", ("n", "tau_X")),
-    "yaw": (("v", "r"), "r", ("delta_r", "tau_N")),
-    "pitch": (("w", "q", "theta"), "theta", ("delta_s", "tau_M")),
-    "roll": (("p", "phi"), "phi", ("tau_K",)),
+    "surge": (("u",), "u", ("n", "tau_X"), "XT"),
+    "yaw": (("v", "r"), "r", ("delta_r", "tau_N"), "YN"),
+    "pitch": (("w", "q", "theta"), "theta", ("delta_s", "tau_M"), "ZM"),
+    "roll": (("p", "phi"), "phi", ("tau_K",), "K"),
 }
 _AXIS = {"u": 0, "r": 5, "theta": 4, "phi": 3}  # Of the force of thrusters that moves an output
 # Unknowns of a trim beside the controls, the fewest first.
@@ -89,10 +91,14 @@ class Part(NamedTuple):
     direction: Float[np.ndarray, " c"]
     a: Float[np.ndarray, "m s s"]
     b: Float[np.ndarray, "m s"]
+    is_estimated: bool  # Whether a coefficient of its axes was; others move it only through the trim
 
 
 class Known(NamedTuple):
-    """A number of the mean vehicle, half the width of the central 68 % of the draws, and its unit; no ± without draws."""
+    """A number of the mean vehicle, half the width of the central 68 % of the draws, and its unit.
+
+    There is no ± without draws; it is 0 of a number that follows from published values only.
+    """
 
     name: str
     value: complex
@@ -134,7 +140,7 @@ def usual_speeds(vehicle: ExportedVehicle) -> tuple[float, ...]:
 def parts_of(vehicle: ExportedVehicle, linear: LinearModel) -> list[Part]:
     """Return the subsystems that a vehicle has, each by its drive."""
     parts = []
-    for name, (members, output, drives) in PARTS.items():
+    for name, (members, output, drives, axes) in PARTS.items():
         states = tuple(state for state in members if state in linear.outputs)
         if not states:
             continue
@@ -142,7 +148,9 @@ def parts_of(vehicle: ExportedVehicle, linear: LinearModel) -> list[Part]:
         label, direction = _drive(vehicle, linear, output, drives) or ("", np.zeros(len(linear.inputs)))
         output = output if output in states else states[-1]
         through = _direct(linear) @ direction
-        parts.append(Part(name, states, output, label, direction, linear.a[:, at][:, :, at], through[:, at]))
+        is_estimated = any(CoefficientName.parse(one).axis in axes for one in vehicle.estimated.names)
+        slopes = linear.a[:, at][:, :, at], through[:, at]
+        parts.append(Part(name, states, output, label, direction, *slopes, is_estimated))
     return parts
 
 
@@ -171,28 +179,29 @@ def pole_names(a: Float[np.ndarray, "s s"], states: Sequence[str]) -> list[str]:
 def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
     """Return poles, time constants and gain of a subsystem, and Nomoto's K and T of yaw by a rudder."""
     rows, unit = [], f"{signal_unit(part.output)} per {input_unit(part.input)}"
+    about = (ensemble_size, part.is_estimated)
     names, poles = pole_names(part.a[0], part.states), poles_of(part.a)
     upper = [i for i, pole in enumerate(poles[0]) if pole.imag >= 0]  # of two conjugate poles one
     for i in upper:
         label = names[i] + (f" {i + 1}" if [names[j] for j in upper].count(names[i]) > 1 else "")
-        rows.append(_known(f"pole of {label}", poles[:, i], "1/s", ensemble_size))
+        rows.append(_known(f"pole of {label}", poles[:, i], "1/s", *about))
         size = poles[0, i].real
         if abs(size) > _ROUNDING * max(abs(poles[0, i]), 1e-6):
             time, sign = ("time constant", -1.0) if size < 0 else ("growth time", 1.0)
-            rows.append(_known(f"{time} of {label}", sign / np.real(poles[:, i]), "s", ensemble_size))
+            rows.append(_known(f"{time} of {label}", sign / np.real(poles[:, i]), "s", *about))
     with np.errstate(invalid="ignore"):  # of draws without a trim
         determinant = np.linalg.det(part.a)
     if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
         return rows
     gain = gains_of(part)
     if part.input != "delta_r" or not gain[0]:
-        return [*rows, _known(f"gain {part.output} by {part.input}", gain, unit, ensemble_size)]
-    rows.append(_known("Nomoto K", gain, unit, ensemble_size))
+        return [*rows, _known(f"gain {part.output} by {part.input}", gain, unit, *about)]
+    rows.append(_known("Nomoto K", gain, unit, *about))
     at = part.states.index("r")
     # numerator b_r s + K det of the transfer function, with one state b_r
     lead = part.b[:, at] / (gain * determinant) if len(part.states) == 2 else np.zeros(len(gain))
     total = -np.trace(part.a, axis1=1, axis2=2) / determinant if len(part.states) == 2 else -1.0 / part.a[:, 0, 0]
-    return [*rows, _known("Nomoto T", total - lead, "s", ensemble_size)]
+    return [*rows, _known("Nomoto T", total - lead, "s", *about)]
 
 
 def gains_of(part: Part) -> Float[np.ndarray, " m"]:
@@ -219,10 +228,12 @@ def responses(linear: LinearModel, part: Part, frequency: Float[np.ndarray, " f"
 
 
 def verdict(known: Known) -> str:
-    """Return `undetermined` for a number whose ± is above half of it, `published` for one that no draw moves, else nothing."""
-    if known.sd is None or known.sd > UNDETERMINED * abs(known.value):
-        return "" if known.sd is None else "undetermined"
-    return "published" if known.sd < _NO_ERROR * abs(known.value) else ""
+    """Return `undetermined` for a number whose ± is above half of it, `published` for one of published values only, else nothing."""
+    if known.sd is None:
+        return ""
+    if known.sd == 0.0:
+        return "published"
+    return "undetermined" if known.sd > UNDETERMINED * abs(known.value) else ""
 
 
 def input_unit(name: str) -> str:
@@ -375,12 +386,14 @@ def _drive(
     return None if name is None else (name, np.eye(len(linear.inputs))[linear.inputs.index(name)])
 
 
-def _known(name: str, values: np.ndarray, unit: str, ensemble_size: int) -> Known:
+def _known(name: str, values: np.ndarray, unit: str, ensemble_size: int, is_estimated: bool) -> Known:
     finite = values[1:][np.isfinite(values[1:])]
     spread = None
     if ensemble_size:
         low, high = np.quantile(np.real(finite), (0.16, 0.84)) if finite.size else (np.nan, np.nan)
         spread = float(high - low) / 2
     value = complex(values[0])
+    if spread is not None and (not is_estimated or spread < _NO_ERROR * abs(value)):
+        spread = 0.0
     real, imag = (part if abs(part) > _ROUNDING * abs(value) else 0.0 for part in (value.real, value.imag))
     return Known(name, complex(real, imag), spread, unit)

@@ -110,9 +110,7 @@ class Control:
 
 
 def _words(known: Known) -> str:
-    words = (
-        f"{known.name} {known.value.real:.4g}" + ("" if known.sd is None else f" ± {known.sd:.2g}") + f" {known.unit}"
-    )
+    words = f"{known.name} {known.value.real:.4g}" + (f" ± {known.sd:.2g}" if known.sd else "") + f" {known.unit}"
     words += f", oscillating at {known.value.imag:.3g} rad/s" if known.value.imag else ""
     return (
         words
@@ -206,19 +204,26 @@ from scipy.io import loadmat
 DATA = loadmat(Path(__file__).with_name("linear_models.mat"), simplify_cells=True)
 STATES, INPUTS, OUTPUTS = ([str(x).strip() for x in np.atleast_1d(DATA[key])] for key in ("states", "inputs", "outputs"))
 SPEEDS = np.atleast_1d(DATA["speeds"])
+DRAWS = np.size(DATA["ensemble_A"]) // (len(STATES) ** 2 * len(SPEEDS))
 # States of each subsystem; its input, and the direction of the controls that this input is.
 PARTS = @PARTS@
 DRIVES = @DRIVES@
 
 
 def model(speed, draw=None, part=None):
-    """Return a control.StateSpace: the mean or a draw, the whole vehicle or a subsystem, at the nearest speed, m/s."""
-    k = int(np.argmin(np.abs(SPEEDS - speed)))
-    d, c = len(STATES), len(INPUTS)
+    """Return a control.StateSpace: the mean or a draw, the whole vehicle or a subsystem, at one of SPEEDS, m/s."""
+    k, d, c = int(np.argmin(np.abs(SPEEDS - speed))), len(STATES), len(INPUTS)
+    if abs(SPEEDS[k] - speed) > 1e-3:
+        raise ValueError(f"no model at {speed} m/s: there are models at {', '.join(f'{one:g}' for one in SPEEDS)} m/s")
+    if part is not None and part not in PARTS:
+        raise ValueError(f"no subsystem {part!r}: the vehicle has {', '.join(PARTS)}")
     if draw is None:
-        a, b = (DATA[key].reshape(d, -1, len(SPEEDS))[:, :, k] for key in "AB")
+        a, b = (np.reshape(DATA[key], (d, n, len(SPEEDS)))[:, :, k] for key, n in (("A", d), ("B", c)))
+    elif not 0 <= draw < DRAWS:
+        raise ValueError(f"no draw {draw}: there are {DRAWS}")
     else:
-        a, b = (DATA[f"ensemble_{key}"].reshape(d, n, -1, len(SPEEDS))[:, :, draw, k] for key, n in (("A", d), ("B", c)))
+        shapes = (("A", (d, d, DRAWS, -1)), ("B", (d, c, DRAWS, -1)))
+        a, b = (np.reshape(DATA[f"ensemble_{key}"], shape)[:, :, draw, k] for key, shape in shapes)
     outputs = np.eye(d)[: len(OUTPUTS)]
     if part is None:
         return control.ss(a, b, outputs, np.zeros((len(OUTPUTS), c)), states=STATES, inputs=INPUTS, outputs=OUTPUTS)
@@ -235,6 +240,6 @@ def model(speed, draw=None, part=None):
 
 
 def ensemble(speed, part=None):
-    """Return the models of all draws at the nearest speed."""
-    return [model(speed, draw, part) for draw in range(DATA["ensemble_A"].reshape(len(STATES), len(STATES), -1, len(SPEEDS)).shape[2])]
+    """Return the models of all draws at one of SPEEDS."""
+    return [model(speed, draw, part) for draw in range(DRAWS)]
 '''
