@@ -175,6 +175,7 @@ def posterior_of(
         noisy[k] += slow
     record = make_trial(STEP * np.arange(SAMPLES), n / (2 * np.pi), "one", u=noisy)
     priors = {"X_u": Normal(-1.2, 1.5), "X_uabsu": Normal(-3.0, 3.0), "T_nabsn": Normal(6e-4, 3e-4)}
+    priors |= {"X_udot": Normal(-0.5, 0.3)}
     priors = {name: priors[name] for name in terms} | ({"X_uabsu": Uniform(*drag)} if drag else {})
     priors |= {"sigma_u": LogUniform(0.002, 0.5), "u_0": Normal(1.5, start)} | SLOW[noise]
     priors |= {"delay": Uniform(0.0, 1.0)} if delay else {}

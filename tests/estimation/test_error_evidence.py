@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.estimation.diagnostics.error_budget import EXACT
+from seatrial.estimation.diagnostics.error_budget import EXACT, error_budget
 from seatrial.estimation.diagnostics.error_evidence import log_evidence_gains
 from seatrial.estimation.diagnostics.error_sources import StatedErrors
 from seatrial.estimation.diagnostics.linear_model import NOTHING
@@ -78,3 +78,11 @@ def test_a_slow_error_taken_as_white_is_as_if_it_were_modelled():
 def test_a_density_of_ones_own_has_no_errors_of_sensors():
     own = posterior_of_density(lambda values: -0.5 * values["a"] ** 2, {"a": Normal(0.0, 1.0)})
     assert log_evidence_gains([own], [at(own)]) is None
+
+
+def test_added_mass_that_is_estimated_is_no_force_that_a_model_may_lack():
+    """Its signal is an acceleration, which the sources of error do not have; its error is one of the inertia."""
+    whole = posterior_of(terms=("X_udot", "X_uabsu", "T_nabsn"))
+    mode = at(whole)
+    budget = error_budget(replace(whole, present=np.ones(whole.dim)), mode)
+    assert (budget.sd >= mode.sd - 1e-12).all()

@@ -471,7 +471,9 @@ def _forces(posterior: Posterior) -> list[CoefficientName]:
     rivals = posterior.present is not None and posterior.dim <= FEW
     present = set(map(base_name, posterior.present_names))
     known |= set() if rivals else {one for one in model.coefficients if one.text in present}
-    return [one for one in terms if one not in known and one.axis in model.disturbance_axes]
+    # A wrong added mass is an error of the inertia, which is a stated input.
+    lacking = (one for one in terms if one not in known and not one.is_added_mass)
+    return [one for one in lacking if one.axis in model.disturbance_axes]
 
 
 def _propels(control: str) -> bool:
