@@ -8,7 +8,9 @@ import pytest
 from seatrial.core.errors import InputError
 from seatrial.export.equations import check_mass, source_of, states_of
 from seatrial.export.motion import motion_of
-from tests.export.cases import commanded, own_rates, published, rich, whole_states, with_law, with_terms
+from seatrial.export.vehicle import CoefficientEstimates
+from seatrial.export.write import make_exporter, state
+from tests.export.cases import PROVENANCE, commanded, own_rates, published, rich, whole_states, with_law, with_terms
 
 VEHICLES = {
     "frame": lambda: published("bluerov2_heavy"),
@@ -65,3 +67,17 @@ def test_a_vehicle_without_mass_has_no_equations():
     bare = replace(vehicle, hull=replace(vehicle.hull, mass=None, inertia=(None, None, None)))
     with pytest.raises(InputError, match="no I_yy, mass"):
         check_mass(bare, "x")
+
+
+def test_thrusters_that_push_along_no_modelled_axis_have_no_control():
+    """A campaign of heave: the four horizontal thrusters of the frame are no controls, and no target asks for them."""
+    heave = {name: value for name, value in published("bluerov2_heavy").coefficients.items() if name[0] in "ZT"}
+    heave = {name: value for name, value in heave.items() if set(name[2:]) <= set("wdotabs")}
+    frame, nothing = published("bluerov2_heavy"), CoefficientEstimates()
+    vehicle = replace(frame, moves=("w",), coefficients=heave, estimated=nothing)
+    assert vehicle.controls == ("f_5", "f_6", "f_7", "f_8")
+    for name in ("json", "casadi", "mjcf", "control"):
+        exporter = make_exporter(name)
+        text = "".join(map(str, exporter.write(vehicle, state(exporter, vehicle, PROVENANCE)).values()))
+        assert "f_5" in text
+        assert name == "json" or "f_1" not in text

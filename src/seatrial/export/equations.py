@@ -208,7 +208,12 @@ def _force_lines(vehicle: ExportedVehicle) -> Iterable[str]:
     for axis in AXES:
         yield axis_sum(vehicle, axis, values)
     share = 1.0 - vehicle.hull.thrust_deduction
+    thrust = [one for one in map(CoefficientName.parse, vehicle.forces) if one.axis == "T"]
+    commands = controls_of(vehicle.thrusters, thrust)
+    pushing = controls_of(vehicle.thrusters, thrust, vehicle.moves)
     for place, thruster in enumerate(vehicle.thrusters, 1):
+        if commands[place - 1] not in pushing:
+            continue
         if needs_inflow(vehicle):
             wake = number(1.0 - vehicle.hull.wake)
             yield f"inflow = {wake} * ({_weighted(inflow_row(vehicle, place), RATES)})"

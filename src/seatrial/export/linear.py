@@ -132,7 +132,9 @@ def linearise(vehicle: ExportedVehicle, speeds: tuple[float, ...], ensemble: Ens
 
 
 def usual_speeds(vehicle: ExportedVehicle) -> tuple[float, ...]:
-    """Return half, the whole and one and a half of the trim speed; rest too for an open frame, which hovers."""
+    """Return half, the whole and one and a half of the trim speed; rest too for an open frame, which hovers; only rest without surge."""
+    if "u" not in (*vehicle.moves, *vehicle.given):
+        return (0.0,)
     trim = vehicle.hull.trim.get("u", 1.0 if vehicle.thrusters else DEFAULT_SPEED)
     return (0.0, 0.5 * trim, trim) if vehicle.thrusters else (0.5 * trim, trim, 1.5 * trim)
 
@@ -293,7 +295,8 @@ def _at_speed(
     start = np.zeros((count, len(names)))
     for i, name in enumerate(names[d:], d):
         start[:, i] = _FIRST_TURNS if name.split("_")[0] == "n" else 0.0
-    start[:, names.index("u")] = speed  # a state, or given
+    if "u" in names:  # a state, or given
+        start[:, names.index("u")] = speed
 
     for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
         for more in _FREE:

@@ -58,7 +58,9 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     thrust = [(name, value) for name, value in named if name.axis == "T"]
     acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
-    righting, commands = np.array(hull.righting), controls_of(vehicle.thrusters, [name for name, _ in thrust])
+    righting, terms = np.array(hull.righting), [name for name, _ in thrust]
+    commands = controls_of(vehicle.thrusters, terms)
+    pushing = controls_of(vehicle.thrusters, terms, vehicle.moves)
     law = vehicle.thrust_law
 
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
@@ -74,6 +76,8 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
             result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
         for number, thruster in enumerate(vehicle.thrusters, 1):
             control = commands[number - 1]
+            if control not in pushing:
+                continue
             push = beyond_dead_zone(law, control, controls[control])
             if thrust:
                 local = {**known, control[0]: push, "u": inflow * thruster.inflow(tuple(nu))}

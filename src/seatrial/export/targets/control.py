@@ -95,7 +95,7 @@ class Control:
         ensemble, models = self._models(vehicle)
         size = 0 if ensemble is None else len(ensemble.values)
         bounds = {name: np.isfinite([one.lower, one.upper, one.rate]).any() for name, one in vehicle.actuators.items()}
-        limited = [name for name, is_limited in bounds.items() if is_limited]
+        limited = [name for name, is_limited in bounds.items() if is_limited and name in vehicle.controls]
         lines = [f"linear models have no limits and rates of {' '.join(limited)}"] if limited else []
         lines += [
             f"linear models, with ± as half the width of the central 68 % of {size} draws"
