@@ -83,9 +83,7 @@ def test_stretches_begin_anew_where_residuals_are_not_coloured(tmp_path, setting
 
 
 @pytest.mark.proof
-def test_ours_chosen_leaves_runs_out_and_needs_three(tmp_path):
-    of_two = run_set(read_set(str(write_set(tmp_path))), choose(["ours-chosen"]), None, tmp_path / "two").entries[0]
-    assert "at least 3 fitted runs" in of_two.failed
+def test_ours_chosen_leaves_runs_out(tmp_path):
     path = write_set(
         tmp_path,
         a=('fit = ["a", "b"]', 'fit = ["a", "b", "c"]'),
@@ -93,7 +91,7 @@ def test_ours_chosen_leaves_runs_out_and_needs_three(tmp_path):
         c=('residuals = "coloured"', 'residuals = "white"'),
         d=('tau_u = { distribution = "log-uniform", lower = 0.05, upper = 60.0 }', ""),
     )
-    entry = run_set(read_set(str(path)), choose(["ours-chosen"]), None, tmp_path / "three").entries[0]
+    entry = run_set(read_set(str(path)), choose(["ours-chosen"]), None, tmp_path / "out").entries[0]
     assert "model of the error: disturbance" in entry.note, "waves push the vehicle, and its thrust comes late"
     assert entry.pooled["run"][0].explained > 0.9
     assert entry.pooled["step"][0].holds

@@ -297,7 +297,9 @@ def test_from_design_to_estimate_and_back_from_a_log_of_set_points(tmp_path):
 @pytest.mark.proof
 def test_a_rehearsal_through_the_autopilot(tmp_path):
     goal = '[goal]\nsd = { Y_uv = "1 %" }\ntrials = 2\n'
-    made = campaign(tmp_path, more=goal)
+    made = campaign(
+        tmp_path, ("[estimation]", '[estimation]\ninertia_error = "exact"\nscale_error = "exact"'), more=goal
+    )
     found = rehearse(made, 2)
     data = found.data
     assert (found.needed == 2).all()

@@ -202,5 +202,5 @@ def test_chains_too_short_are_kept_and_alarm(monkeypatch, capsys, tmp_path):
     said = capsys.readouterr().err
     assert ended.value.code == Exit.ALARMS
     assert "alarm: " in said
-    assert "Run longer" in said or "ask for more draws" in said
+    assert "Double warm-up and draws" in said
     assert (tmp_path / "results" / "posterior" / "M-0.nc").is_file()

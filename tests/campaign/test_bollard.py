@@ -294,7 +294,9 @@ def test_a_posterior_mode_is_enough_for_the_next_campaign(tmp_path, pull):
     found = mode_of(bollard)[2]
     after = sail(tmp_path / "rov", command, ALONE, known)
     prior = after.prior("T_f")
-    assert (prior.mean, prior.sd) == pytest.approx(found["T_f"], rel=1e-6)
+    mean, sd = found["T_f"]
+    assert prior.mean == pytest.approx(mean, rel=1e-6)
+    assert sd < prior.sd < 1.1 * sd  # with the error of the model
     assert after.hull.fixed["T_fdV"] == pytest.approx(found["T_fdV"][0], rel=1e-6)
     assert "bias_force_X" not in after.priors
     assert lost_correlations(after) == []  # T_f alone is sought again

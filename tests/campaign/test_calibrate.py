@@ -37,7 +37,7 @@ def test_ranks_of_every_parameter(found, small):
     assert found.ranks.shape == (24, 5)
     assert found.outside() == ()
     assert calibration_report(found)[-1].startswith(
-        "calibrated: the ranks lie inside the band that holds all 5 quantities with 99 %"
+        "calibrated: the ranks lie inside the band that contains all 5 quantities with 99 % probability"
     )
     assert found.health.shape == (24, 4)
     assert np.isnan(found.health).all(0).tolist() == [False, False, False, True]

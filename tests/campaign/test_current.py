@@ -63,15 +63,14 @@ USBL = f'[sensors.x]\nnoise = "0.1 m"\n{HEAVY}\n[sensors.y]\nnoise = "0.1 m"\n{H
 PLACES = ("current = true", 'current = true\npositions = ["x", "y"]')
 
 
-@pytest.mark.proof
-@pytest.mark.parametrize(("sensors", "changes"), [(LOG, ()), (USBL, (PLACES,))])
+@pytest.mark.parametrize(("sensors", "changes"), [(LOG, ()), pytest.param(USBL, (PLACES,), marks=pytest.mark.proof)])
 def test_drag_and_the_current_are_found(tmp_path, sensors, changes):
     found = fitted(write(tmp_path, sensors, *changes))
     for name, value in {**TRUTH, "current_x_0[log]": CURRENT[0], "current_y_0[log]": CURRENT[1]}.items():
         mean, sd = found[name]
         assert abs(mean - value) < 3.3 * sd, (name, mean, sd, value)
     assert found["current_x_0[log]"][1] < 0.05
-    assert found["X_uabsu"][1] < 0.15 * abs(TRUTH["X_uabsu"])
+    assert found["X_uabsu"][1] < 0.25 * abs(TRUTH["X_uabsu"])
 
 
 @pytest.mark.proof

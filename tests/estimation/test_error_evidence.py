@@ -87,4 +87,5 @@ def test_added_mass_that_is_estimated_is_no_force_that_a_model_may_lack():
     budget = error_budget(replace(whole, present=np.ones(whole.dim)), mode)
     within = dict(zip(whole.names, mode.sd, strict=True))
     assert "X_udot" not in {one.effect.of for one in budget.omitted}
-    assert budget.sd("X_uabsu", within["X_uabsu"]) > 1.5 * within["X_uabsu"]  # the force of the vehicle is not known to 7 %
+    # The force of the vehicle is not known to 7 %.
+    assert budget.sd("X_uabsu", within["X_uabsu"]) > 1.5 * within["X_uabsu"]

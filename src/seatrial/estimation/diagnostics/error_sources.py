@@ -637,13 +637,17 @@ def _pushed(model: VehicleModel) -> VehicleModel:
     """Return the model with a force from outside on each axis among its controls."""
     axes, own = model.disturbance_axes, len(model.controls)
 
-    def derivative(params: Any, state: tuple, control: tuple) -> tuple:
-        names = (outside_force(axis) for axis in axes)
-        pushes = {name: params.get(name, 0.0) + force for name, force in zip(names, control[own:], strict=True)}
-        return model.derivative({**params, **pushes}, state, control[:own])
+    def pushed(function: Any) -> Any:
+        def value(params: Any, state: tuple, control: tuple) -> Any:
+            names = (outside_force(axis) for axis in axes)
+            pushes = {name: params.get(name, 0.0) + force for name, force in zip(names, control[own:], strict=True)}
+            return function({**params, **pushes}, state, control[:own])
+
+        return value
 
     controls = (*model.controls, *(f"outside {axis}" for axis in axes))
-    return replace(model, controls=controls, derivative=derivative)
+    outputs = {channel: pushed(view) for channel, view in model.outputs.items()}
+    return replace(model, controls=controls, derivative=pushed(model.derivative), outputs=outputs)
 
 
 def _shown(posterior: Posterior, sensors: tuple[Sensor, ...], changes: Changes, z: Array) -> tuple[Array, ...]:
