@@ -11,9 +11,12 @@ from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference import modes
 from seatrial.campaign.inference.modes import kept_modes, structure_modes
 from seatrial.core.errors import InputError, NumericalError
-from seatrial.dashboard.tweak_queries import start_text, tweak_form, tweaked
+from seatrial.dashboard.tweak_queries import movable, start_text, tweaked
+from seatrial.dashboard.view_models import Tweaking
 from seatrial.estimation.posterior.mode import Mode
 from tests.campaign.small import LOGGED, NO_X_U, write_small
+from tests.campaign.test_configurations import DIFFERING
+from tests.campaign.test_heave import write_heave
 from tests.cases import U0
 from tests.estimation_cases import naive_doublets, naive_speed
 
@@ -31,7 +34,7 @@ def boat(tmp_path_factory):
     campaign = load_campaign(folder)
     trials = get_trials(campaign)
     with pytest.raises(InputError, match="best values that are missing"):
-        tweak_form(str(folder), ("before",))
+        tweaked(str(folder), ("before",), Tweaking(), None)
     structure_modes(Study(campaign, trials.fit), trials)
     return campaign, trials
 
@@ -39,20 +42,24 @@ def boat(tmp_path_factory):
 def test_values_are_moved_in_the_units_in_which_they_are_shown_and_nothing_is_written(boat):
     campaign, _ = boat
     folder, before = str(campaign.folder), {p: p.stat().st_mtime_ns for p in campaign.folder.rglob("*") if p.is_file()}
-    form = tweak_form(folder, ())
+    form = tweaked(folder, (), Tweaking(), None)
     best = {one.name: one.best for one in form.numbers}
     assert list(best) == ["X_uabsu", "T_nabsn", "mass"]
-    assert all(one.lower < one.best < one.upper for one in form.numbers)
+    assert all(one.lower < one.value == one.best < one.upper for one in form.numbers)
     assert form.numbers[-1].sd == pytest.approx(0.05 * campaign.hull.mass)
     moved = (("X_uabsu", 1.1 * best["X_uabsu"]),)
-    answer = tweaked(folder, (), form.structures[0], form.records[0], moved, True, (0.0, 39.9, 50))
-    assert answer.values["X_uabsu"] == pytest.approx(1.1 * best["X_uabsu"])
-    assert answer.values["T_nabsn"] > best["T_nabsn"]  # more thrust for more drag
+    asked = Tweaking(form.structures[0], form.records[0], moved, follow=True)
+    answer = tweaked(folder, (), asked, (0.0, 39.9, 50))
+    values = {one.name: one.value for one in answer.numbers}
+    assert values["X_uabsu"] == pytest.approx(1.1 * best["X_uabsu"])
+    assert values["T_nabsn"] > best["T_nabsn"]  # more thrust for more drag
     assert set(answer.curves) == {"u", "u best", "u measured", "u residual"}
     assert answer.distance == pytest.approx(abs(0.1 * best["X_uabsu"]) / form.numbers[0].sd)
     assert min(answer.below) > 0.0
     assert answer.span == pytest.approx((0.0, 39.9))
-    lines, text = start_text(folder, (), form.structures[0], campaign.text, tuple(answer.values.items()))
+    with pytest.raises(InputError, match=r"X_uabsu(.|\n)*outside its prior(.|\n)*from -8.8 to 0 "):
+        start_text(folder, (), asked, campaign.text, {**values, "X_uabsu": -9.0})
+    lines, text = start_text(folder, (), asked, campaign.text, values)
     assert lines.startswith("[estimation.start_values]\n")
     assert "mass" not in lines
     assert text.startswith(campaign.text[:200])
@@ -60,7 +67,7 @@ def test_values_are_moved_in_the_units_in_which_they_are_shown_and_nothing_is_wr
     (campaign.folder / "campaign.toml").write_text(text)
     try:
         again = load_campaign(campaign.folder)
-        assert again.estimation.start_values["X_uabsu"] == pytest.approx(answer.values["X_uabsu"], rel=1e-5)
+        assert again.estimation.start_values["X_uabsu"] == pytest.approx(values["X_uabsu"], rel=1e-5)
         assert kept_modes(again, get_trials(again)) is None  # the search has another start: it is made again
         wrong = text.replace("[estimation.start_values]\n", "[estimation.start_values]\nX_v = 1.0\n")
         with pytest.raises(InputError, match="X_v"):
@@ -90,3 +97,18 @@ def test_a_stated_start_is_climbed_from_and_the_highest_mode_is_kept(boat, monke
     assert result.log_density == known.log_density + 3.0
     assert asked == [(None, {}), ({"X_uabsu": -2.0}, {"starts": 1})]
     assert isinstance(modes._find(Study(campaign, trials.fit), item, lambda *_: None), NumericalError)
+
+
+def test_coefficients_of_the_configuration_of_a_record_are_among_those_that_are_moved(tmp_path):
+    campaign = write_heave(tmp_path, DIFFERING)
+    trials = get_trials(campaign)
+    structure_modes(Study(campaign, trials.fit), trials)
+    folder, label = str(campaign.folder), campaign.full.label
+    for configuration in ("empty", "loaded"):
+        names = [one.name for one in movable(folder, (), label, configuration)]
+        assert [one for one in names if "@" in one] == [f"{one}@{configuration}" for one in ("Z_wabsw", "net_weight")]
+    loaded = {one.name: one.best for one in movable(folder, (), label, "loaded")}
+    asked = Tweaking(label, "b", (("net_weight@loaded", loaded["net_weight@loaded"] + 1.0),))
+    answer = tweaked(folder, (), asked, None)
+    assert answer.below[0] == pytest.approx(answer.below[1])  # no other record is of that configuration
+    assert answer.below[0] > 0.1

@@ -2,8 +2,8 @@
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -174,6 +174,17 @@ async def fill(
 def say(error: BaseException | str) -> None:
     """Show an error, in words."""
     ui.html(visible(error_html(error if isinstance(error, str) else words_of(error))), sanitize=False)
+
+
+@contextmanager
+def saying(holder: Any) -> Iterator[None]:
+    """Put the block into a part of a page, in place of what it holds; errors are shown there, and end the block."""
+    holder.clear()
+    with holder:
+        try:
+            yield
+        except (SeatrialError, OSError) as error:
+            say(error)
 
 
 def error_html(words: str, title: str = "This did not work.") -> Markup:

@@ -58,6 +58,29 @@ def envelopes(time: Float[np.ndarray, " n"], load: Load, columns: int = COLUMNS)
     return {name: Envelope(middle, np.concatenate(least[name]), np.concatenate(greatest[name])) for name in least}
 
 
+def load_of(columns: Mapping[str, np.ndarray]) -> Load:
+    """Return what gives some rows of columns."""
+    return lambda first, last: {name: values[first:last] for name, values in columns.items()}
+
+
+def rows_view(
+    rows: Mapping[str, Float[np.ndarray, " n"]], start: float, end: float, columns: int = COLUMNS
+) -> dict[str, Envelope]:
+    """Curves between two times, s, and one row beyond each end if there is one.
+
+    Args:
+        rows: of every curve, `time` among them.
+        start: s.
+        end: s.
+        columns: of pixels.
+    """
+    time = rows["time"]
+    first = max(int(np.searchsorted(time, start)) - 1, 0)
+    last = max(min(int(np.searchsorted(time, end, side="right")) + 1, time.size), first + 1)
+    kept = {name: values[first:last] for name, values in rows.items() if name != "time"}
+    return envelopes(time[first:last], load_of(kept), columns)
+
+
 def rows_of(file: h5py.File, name: str, first: int, last: int) -> np.ndarray:
     """Rows of one variable, whole: columns picked out one by one would be read an element at a time."""
     return np.asarray(file[name][first:last], float)  # pyright: ignore[reportIndexIssue]

@@ -41,7 +41,6 @@ from seatrial.dashboard.logs import StampedColumn, isolated, samples_of
 from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
 from seatrial.dashboard.terms import usual_terms
 from seatrial.dashboard.tweak_queries import start_text as start_text
-from seatrial.dashboard.tweak_queries import tweak_form as tweak_form
 from seatrial.dashboard.tweak_queries import tweaked as tweaked
 from seatrial.dashboard.view_models import (
     COMPARED,

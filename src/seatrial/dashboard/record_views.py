@@ -16,7 +16,7 @@ from jaxtyping import Float
 from seatrial.core.dataset_file import stored, text_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED
-from seatrial.dashboard.downsample import COLUMNS, Envelope, Load, envelopes, rows_of
+from seatrial.dashboard.downsample import COLUMNS, Envelope, Load, envelopes, rows_of, rows_view
 from seatrial.dashboard.view_models import RecordAbout
 
 BLOCK_ROWS = 512
@@ -95,13 +95,7 @@ def view_of(index: Index, load: Load, start: float, end: float, columns: int) ->
             name: Envelope(whole[f"{name}-"].time, whole[f"{name}-"].least, whole[f"{name}+"].greatest)
             for name in index.least
         }
-    rows = dict(load(low * BLOCK_ROWS, min(high * BLOCK_ROWS + 1, index.rows)))
-    time = rows.pop("time")
-    first = max(int(np.searchsorted(time, start)) - 1, 0)
-    last = max(min(int(np.searchsorted(time, end, side="right")) + 1, time.size), first + 1)
-    return envelopes(
-        time[first:last], lambda a, b: {name: values[first + a : first + b] for name, values in rows.items()}, columns
-    )
+    return rows_view(load(low * BLOCK_ROWS, min(high * BLOCK_ROWS + 1, index.rows)), start, end, columns)
 
 
 def ready() -> bool:

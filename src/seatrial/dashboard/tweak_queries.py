@@ -1,9 +1,8 @@
 """Questions of the page on which values are moved by hand; answered in the thinking process, where records and programs stay warm."""
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
-
-import numpy as np
 
 from seatrial.campaign.compute.shared_work import Study
 from seatrial.campaign.config.campaign import Campaign
@@ -15,12 +14,15 @@ from seatrial.campaign.inference.modes import kept_modes
 from seatrial.campaign.inference.posterior import initial_state
 from seatrial.campaign.store.results import Results
 from seatrial.campaign.workflow.steps import Workflow
-from seatrial.core.coefficients import is_coefficient
+from seatrial.core.coefficients import base_name, configuration_name, is_coefficient
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
-from seatrial.dashboard.record_views import index_of, origin_of, view_of
-from seatrial.dashboard.view_models import Movable, Tweaked, TweakForm
+from seatrial.core.record import Record
+from seatrial.dashboard.downsample import rows_view
+from seatrial.dashboard.record_views import origin_of
+from seatrial.dashboard.view_models import Movable, Tweaked, Tweaking
 from seatrial.estimation.posterior.mode import Mode
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.prediction.tweak import tweak
 from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.simulator import CURRENT
@@ -31,80 +33,79 @@ DIGITS = 6  # Significant digits of a start that is written
 
 
 class _Known(NamedTuple):
-    """A campaign with its records and the mode of each structure, the chosen one first."""
+    """A campaign with its records, fitted ones first, and the mode of each structure, the chosen one first."""
 
     campaign: Campaign
     trials: Trials
     study: Study
+    records: dict[str, Record]
     modes: dict[str, Mode]
 
-
-def tweak_form(folder: str, files: tuple, label: str = "") -> TweakForm:
-    """Return what may be moved in a structure, the chosen one if none is named; read again when `files` changes.
-
-    Raises:
-        InputError: records that are not current, or modes that were not found yet.
-    """
-    known = _known(folder, files)
-    records = tuple(one.label for one in (*known.trials.fit, *known.trials.predict))
-    return TweakForm(tuple(known.modes), records, _movable(known, label or next(iter(known.modes)))[0])
+    def posterior(self, label: str) -> Posterior:
+        """Return the posterior of a structure."""
+        return self.study.posterior(next(one for one in self.campaign.structures if one.label == label))
 
 
-def tweaked(
-    folder: str,
-    files: tuple,
-    label: str,
-    run: str,
-    moved: tuple[tuple[str, float], ...],
-    follow: bool,
-    view: tuple[float, float, int] | None,
-) -> Tweaked:
-    """Predict a record by a structure with some values moved, as they are shown; of no `view`, two times and columns, without curves.
+def tweaked(folder: str, files: tuple, asked: Tweaking, view: tuple[float, float, int] | None) -> Tweaked:
+    """Predict a record by a structure with some values moved, as they are shown.
+
+    Args:
+        folder: of the campaign.
+        files: stamps of what the answer rests on: read again when they change.
+        asked: structure and record, the first ones if none are named, and moved values.
+        view: first and last time, s, and columns of pixels; None for no curves.
 
     Raises:
-        InputError: see `tweak_form`, or a value that cannot be.
+        InputError: records that are not current, modes that were not found yet, or a value that cannot be.
     """
     known = _known(folder, files)
-    numbers, sds = _movable(known, label)
-    factors = {one.name: one.factor for one in numbers}
-    record = next(one for one in (*known.trials.fit, *known.trials.predict) if one.label == run)
-    posterior = _posterior(known, label)
+    label, run = asked.structure or next(iter(known.modes)), asked.record or next(iter(known.records))
+    record, posterior = known.records[run], known.posterior(label)
+    numbers = movable(folder, files, label, record.configuration)
     held_back = run not in posterior.likelihood.labels
     start = initial_state(known.campaign, posterior.likelihood.model, record) if held_back else None
-    values = {name: value / factors[name] for name, value in moved}
-    result = tweak(posterior, known.modes[label], record, values, follow=follow, sd=sds, start=start)
+    moved = dict(asked.moved)
+    values = {one.name: moved[one.name] / one.factor for one in numbers if one.name in moved}
+    sds = {one.name: one.sd / one.factor for one in numbers}
+    result = tweak(posterior, known.modes[label], record, values, follow=asked.follow, sd=sds, start=start)
     columns = {"time": record.time + origin_of(record.provenance.options, record.provenance.source)}
-    parts = (result.tweaked.mean, result.residual, result.best.mean, result.measured)
+    best, measured = result.best.mean, result.measured
+    parts = {"": result.tweaked.mean, " residual": result.residual, " best": best, " measured": measured}
     for at, name in enumerate(result.channels):
-        for part, of_all in zip(("", " residual", " best", " measured"), parts, strict=True):
-            columns[name + part] = of_all[:, at] * shown_unit(name)[0]
-
-    def load(first: int, last: int) -> dict[str, np.ndarray]:
-        return {name: column[first:last] for name, column in columns.items()}
-
+        columns |= {name + part: of_all[:, at] * shown_unit(name)[0] for part, of_all in parts.items()}
     shares = zip(result.channels, result.tweaked.explained.tolist(), result.best.explained.tolist(), strict=True)
     return Tweaked(
-        {} if view is None else view_of(index_of(record.time.size, load), load, *view),
+        tuple(known.modes),
+        tuple(known.records),
+        tuple(one._replace(value=one.factor * result.values[one.name]) for one in numbers),
+        {} if view is None else rows_view(columns, *view),
         (float(columns["time"][0]), float(columns["time"][-1])),
         tuple((name, shown_unit(name)[1], *both) for name, *both in shares),
-        {name: factor * result.values[name] for name, factor in factors.items()},
         tuple(best - now for best, now in zip(result.best[2:], result.tweaked[2:], strict=True)),
         result.distance,
         result.probability,
     )
 
 
-def start_text(
-    folder: str, files: tuple, label: str, text: str, values: tuple[tuple[str, float], ...]
-) -> tuple[str, str]:
+def start_text(folder: str, files: tuple, asked: Tweaking, text: str, values: Mapping[str, float]) -> tuple[str, str]:
     """Return the lines by which the search begins at some values of a structure too, and the whole campaign file with them, checked.
 
     Raises:
-        InputError: a file that cannot be edited.
+        InputError: a value outside its prior, or a file that cannot be edited.
     """
     known = _known(folder, files)
-    factors = {one.name: one.factor for one in _movable(known, label)[0]}
-    start = {name: float(f"{value / factors[name]:.{DIGITS}g}") for name, value in values if name != MASS}
+    priors, start = {one.name: one.prior for one in known.posterior(asked.structure).present_parameters}, {}
+    for one in movable(folder, files, asked.structure, known.records[asked.record].configuration):
+        if one.name in priors:
+            start[one.name] = float(f"{values[one.name] / one.factor:.{DIGITS}g}")
+            low, high = (one.factor * float(bound) for bound in priors[one.name].bounds)
+            if not low <= one.factor * start[one.name] <= high:
+                raise InputError(
+                    one.name,
+                    found=f"{values[one.name]:.5g} {one.unit}, outside its prior",
+                    expected=f"a start from {low:.5g} to {high:.5g} {one.unit}",
+                    remedy="move it back, or widen its prior under Model",
+                )
     lines, edited = (with_values(one, {("estimation", "start_values"): start}, folder) for one in ("", text))
     check_text(known.campaign.folder, edited)
     return lines, edited
@@ -114,9 +115,8 @@ def start_text(
 def _known(folder: str, files: tuple) -> _Known:
     del files  # part of the key only
     flow = Workflow(load_campaign(folder))
-    is_there = (
-        flow.state("trials") == flow.state("candidates") == "current"
-    )  # otherwise they would be made, and written
+    # Otherwise they would be made, and written.
+    is_there = flow.state("trials") == flow.state("candidates") == "current"
     modes = kept_modes(flow.get("candidates"), flow.get("trials")) if is_there else None
     if modes is None:
         raise InputError(
@@ -128,41 +128,40 @@ def _known(folder: str, files: tuple) -> _Known:
     campaign, trials = flow.get("candidates"), flow.get("trials")
     chosen = Results(campaign.folder).summary().chosen if flow.state("estimates") == "current" else ""
     labels = sorted((one.label for one in campaign.structures if modes.of(one)), key=lambda one: one != chosen)
-    return _Known(campaign, trials, Study(campaign, trials.fit), {one: modes.modes[one][0] for one in labels})
+    records = {one.label: one for one in (*trials.fit, *trials.predict)}
+    return _Known(campaign, trials, Study(campaign, trials.fit), records, {one: modes.modes[one][0] for one in labels})
 
 
-def _posterior(known: _Known, label: str):
-    return known.study.posterior(next(one for one in known.campaign.structures if one.label == label))
-
-
-def _movable(known: _Known, label: str) -> tuple[tuple[Movable, ...], dict[str, float]]:
-    """Return the coefficients and numbers of the vehicle that a structure estimates, then the mass; and the ± of all parameters, SI.
+@lru_cache(maxsize=8)
+def movable(folder: str, files: tuple, label: str, configuration: str) -> tuple[Movable, ...]:
+    """Return the coefficients and numbers of a vehicle in a configuration that a structure estimates, then the mass, at the best values.
 
     The ± is that of the posterior, with all errors, if that is current.
     """
+    known = _known(folder, files)
+    campaign, posterior, mode = known.campaign, known.posterior(label), known.modes[label]
+    sds = dict(zip(mode.names, map(float, mode.sd), strict=True))
+    stored = next(kept for one, kept in stored_estimates(campaign, known.trials).items() if one.label == label)
+    if stored.state() == "current":
+        estimate = stored.read()
+        sds |= {name: estimate.sd(name) for name in estimate.names}
+    model, shown = posterior.likelihood.model, []
 
-    def build() -> tuple[tuple[Movable, ...], dict[str, float]]:
-        campaign, posterior, mode = known.campaign, _posterior(known, label), known.modes[label]
-        sds = dict(zip(mode.names, map(float, mode.sd), strict=True))
-        stored = next(kept for one, kept in stored_estimates(campaign, known.trials).items() if one.label == label)
-        if stored.state() == "current":
-            estimate = stored.read()
-            sds |= {name: estimate.sd(name) for name in estimate.names}
-        model, numbers = posterior.likelihood.model, []
-        of_vehicle = {DELAY, CURRENT, *(one.name for one in model.unknowns)}
-        for one in posterior.present_parameters:
-            if is_coefficient(one.name) or one.name in of_vehicle:
-                best, reach, (low, high) = mode.by_name[one.name], REACH * sds[one.name], one.prior.bounds
-                ends = max(float(low), best - reach), min(float(high), best + reach)
-                numbers.append((one.name, one.label, one.unit, best, sds[one.name], *ends))
-        mass, error = stated_mass(model), campaign.estimation.inertia_error
-        if mass is not None:
-            ends = (1 - MASS_SHARE) * mass, (1 + MASS_SHARE) * mass
-            numbers.append((MASS, "m", "kg", mass, 0.0 if error == "exact" else error * mass, *ends))
-        shown = []
-        for name, symbol, si, *values in numbers:
-            factor, unit = campaign.shown(name, si)
-            shown.append(Movable(name, symbol, unit, factor, *(factor * value for value in values)))
-        return tuple(shown), sds
+    def add(name: str, label: str, si: str, best: float, sd: float, lower: float, upper: float) -> None:
+        factor, unit = campaign.shown(name, si)
+        values = (factor * value for value in (best, sd, lower, upper, best))
+        shown.append(Movable(name, label, unit, factor, *values))
 
-    return known.study.once(("movable", label), build)
+    of_vehicle = {DELAY, CURRENT, *(one.name for one in model.unknowns)}
+    for one in posterior.present_parameters:
+        base = base_name(one.name)
+        is_here = one.name in (base, configuration_name(base, configuration))
+        if is_here and (is_coefficient(base) or base in of_vehicle):
+            best, sd, (low, high) = mode.by_name[one.name], sds[one.name], one.prior.bounds
+            ends = max(float(low), best - REACH * sd), min(float(high), best + REACH * sd)
+            add(one.name, one.label, one.unit, best, sd, *ends)
+    mass, error = stated_mass(model), campaign.estimation.inertia_error
+    if mass is not None:
+        sd = 0.0 if error == "exact" else error * mass
+        add(MASS, "m", "kg", mass, sd, (1 - MASS_SHARE) * mass, (1 + MASS_SHARE) * mass)
+    return tuple(shown)

@@ -1,5 +1,6 @@
 """What the two working processes answer with: plain tuples, so that the server can take them without what made them."""
 
+from math import floor, log10
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -178,8 +179,15 @@ class Clicked(NamedTuple):
     schedule: str
 
 
+STEPS = 200
+"""Steps of a slider."""
+
+
 class Movable(NamedTuple):
-    """A number that may be moved, in a unit of which there are `factor` in an SI unit; `sd` is 0 of what is taken as exact."""
+    """A number that may be moved, in a unit of which there are `factor` in an SI unit; `sd` is 0 of what is taken as exact.
+
+    A slider goes from `lower` to `upper`; `value` is the present one.
+    """
 
     name: str
     label: str
@@ -189,25 +197,48 @@ class Movable(NamedTuple):
     sd: float
     lower: float
     upper: float
+    value: float
+
+    @property
+    def step(self) -> float:
+        """Step of its slider."""
+        return float(f"{(self.upper - self.lower) / STEPS:.2g}")
+
+    def shown(self, value: float) -> float:
+        """Return a value with the digits that a step can change."""
+        return round(value, 1 - floor(log10(self.step)))
 
 
-class TweakForm(NamedTuple):
-    """What may be moved: structures, the chosen one first; records, fitted ones first; and the numbers of one structure."""
+class Tweaking(NamedTuple):
+    """What is moved: structure and record, the first ones if empty; moved values as they are shown; whether the others follow."""
+
+    structure: str = ""
+    record: str = ""
+    moved: tuple[tuple[str, float], ...] = ()
+    follow: bool = False
+
+
+class Tweaked(NamedTuple):
+    """A record with moved values, as they are shown.
+
+    Attributes:
+        structures: labels, the chosen one first.
+        records: labels, fitted ones first.
+        numbers: all that may be moved.
+        curves: `NAME`, `NAME residual`, `NAME best` and `NAME measured` of each channel.
+        span: first and last time, s.
+        channels: name and unit of each, and the shares explained now and by the best values.
+        below: by how much the log likelihoods of the record and of all fitted ones are below the best, nats.
+        distance: as that of `Tweak`.
+        probability: likewise.
+    """
 
     structures: tuple[str, ...]
     records: tuple[str, ...]
     numbers: tuple[Movable, ...]
-
-
-class Tweaked(NamedTuple):
-    """A record with moved values, as they are shown: curves, `NAME`, `NAME residual`, `NAME best` and `NAME measured`; first and last
-    time, s; of each channel its unit and the shares explained now and by the best values; all movable values; by how much the log
-    likelihoods of the record and of all fitted ones are below the best; distance and share of the posterior farther out, as `Tweak`."""
-
     curves: dict[str, Any]
     span: tuple[float, float]
     channels: tuple[tuple[str, str, float, float], ...]
-    values: dict[str, float]
     below: tuple[float, ...]
     distance: float
     probability: float

@@ -15,7 +15,7 @@ from seatrial.core.record import SIMULATED
 from seatrial.dashboard.app_context import AppContext, fill, markup, say
 from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.charts import Curve, Panel, TimeChart
-from seatrial.dashboard.downsample import Envelope, envelopes
+from seatrial.dashboard.downsample import Envelope, rows_view
 from seatrial.dashboard.page_layout import LOOK, button
 from seatrial.dashboard.view_models import FormData, RecordAbout
 from seatrial.dashboard.worker_pool import stamp
@@ -229,11 +229,7 @@ def predicted_view(
     """Means and bands between two times: `LABEL/CHANNEL`, and `LABEL/CHANNEL/band` from its lowest to its highest."""
     found: dict[str, Envelope] = {}
     for label, curves in predicted.items():
-        time = curves["time"]
-        first = max(int(np.searchsorted(time, start)) - 1, 0)
-        last = max(min(int(np.searchsorted(time, end, side="right")) + 1, time.size), first + 1)
-        rows = {name: values[first:last] for name, values in curves.items() if name != "time"}
-        drawn = envelopes(time[first:last], lambda a, b, rows=rows: {n: v[a:b] for n, v in rows.items()}, columns)
+        drawn = rows_view(curves, start, end, columns)
         for name in (one for one in drawn if f"{one} lower" in drawn):
             found[f"{label}/{name}"] = drawn[name]
             low, high = drawn[f"{name} lower"], drawn[f"{name} upper"]

@@ -27,15 +27,14 @@ from jaxtyping import Array, Bool, Float, Int
 from seatrial.compiled.batching import lanes_at_once, map_lanes
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
-from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import Mode, expand_prior
-from seatrial.estimation.posterior.output_error import OutputError
-from seatrial.estimation.posterior.posterior import Posterior, check_posterior
+from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.slopes import slopes_by_trial
 from seatrial.estimation.prediction.prediction import (
     mean_noise_sd,
     of_any_trial,
     outputs_of_draws,
+    records_likelihood,
     slow_noise,
     values_of_draws,
 )
@@ -127,15 +126,7 @@ def split_runs(posterior: Posterior) -> RunPosteriors:
     Raises:
         InputError: a posterior of a log density of one's own, which has no runs, or too few measurements for blocks.
     """
-    check_posterior(posterior)
-    likelihood = posterior.likelihood
-    if not isinstance(likelihood, OutputError | FilterError):
-        raise InputError(
-            "posterior",
-            found="your log density",
-            expected="a posterior of records, of `make_posterior`",
-            remedy="compute the log density of each run by your function",
-        )
+    likelihood = records_likelihood(posterior, "compute the log density of each run by your function")
     configurations = likelihood.output.configurations or ("",) * len(likelihood.labels)
     of = [name.partition("[")[2].removesuffix("]") for name in posterior.names]
     shared = np.array([i for i, label in enumerate(of) if not label], int)

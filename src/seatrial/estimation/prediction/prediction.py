@@ -310,6 +310,19 @@ def replicates_of_draws(likelihood: OutputError | FilterError):
     return of_draws
 
 
+def records_likelihood(posterior: Posterior, remedy: str) -> OutputError | FilterError:
+    """Return the likelihood of a posterior of records.
+
+    Raises:
+        InputError: no posterior, or one of a log density of one's own.
+    """
+    check_posterior(posterior)
+    if not isinstance(posterior.likelihood, OutputError | FilterError):
+        expected = "a posterior of records, of `make_posterior`"
+        raise InputError("posterior", found="your log density", expected=expected, remedy=remedy)
+    return posterior.likelihood
+
+
 def posterior_of_record(
     posterior: Posterior,
     draws: Draws | Mapping[str, np.ndarray],
@@ -320,19 +333,11 @@ def posterior_of_record(
     key: jax.Array,
 ) -> tuple[Posterior, dict[str, np.ndarray]]:
     """Return the posterior of one record, labelled `ANY_TRIAL`, and the values of n draws of it by name; arguments as `predict`."""
-    check_posterior(posterior)
+    records_likelihood(posterior, "simulate with the draws by your function")
     if not isinstance(draws, Mapping):
         check_kind(draws, Draws, "draws", "draw them with `sample`")
     check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
     check_count(n, "n", remedy="simulate a hundred draws or more")
-    likelihood = posterior.likelihood
-    if not isinstance(likelihood, OutputError | FilterError):
-        raise InputError(
-            "posterior",
-            found="your log density",
-            expected="a posterior of records, of `make_posterior`",
-            remedy="simulate with the draws by your function",
-        )
     table = draws if isinstance(draws, Mapping) else dict(zip(draws.names, draws.array().T, strict=True))
     shared = [name for name in posterior.present_names if "[" not in name]
     if (not isinstance(draws, Mapping) and draws.names != posterior.names) or not set(shared) <= set(table):

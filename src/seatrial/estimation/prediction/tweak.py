@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 from jaxtyping import Array, Float
@@ -26,13 +25,16 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Record
 from seatrial.core.result_table import table_html, table_text
 from seatrial.core.signals import signal_unit
-from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.mode import Mode
-from seatrial.estimation.posterior.output_error import ANY_TRIAL, OutputError
-from seatrial.estimation.posterior.posterior import Parameter, Posterior, check_posterior
-from seatrial.estimation.posterior.replicate import motions
+from seatrial.estimation.posterior.output_error import ANY_TRIAL
+from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.posterior.slopes import likelihood_slopes
-from seatrial.estimation.prediction.prediction import prior_of_unseen, record_alone
+from seatrial.estimation.prediction.prediction import (
+    outputs_of_draws,
+    prior_of_unseen,
+    record_alone,
+    records_likelihood,
+)
 from seatrial.estimation.priors import Normal
 from seatrial.vehicles.whole import MASS, stated_mass
 
@@ -128,7 +130,7 @@ def tweak(
     Args:
         posterior: of `make_posterior`.
         mode: its mode, of `find_mode`: the best values.
-        record: fitted or not. If not, what only its own trial would tell, such as its own bias, is at the mean of its prior.
+        record: fitted or not. If not, parameters of its own trial, such as its bias, are at the means of their priors.
         values: moved parameters, SI, by name; `mass`, kg, of a vehicle whose mass is stated and that moves along an axis. Weight, buoyancy
             and moments of inertia stay as stated.
         follow: whether the other parameters follow along the ridge of the posterior, no farther than their priors reach.
@@ -139,129 +141,109 @@ def tweak(
         InputError: a posterior of no records, a mode of another one, a name that is no parameter, or a control or channel that the record
             lacks.
     """
-    check_posterior(posterior)
+    likelihood = records_likelihood(posterior, "give a posterior of `make_posterior`")
     check_kind(mode, Mode, "mode", "find it with `find_mode`")
     check_kind(record, Record, "record", "read it with `read_log`, or make it with `make_record` or `simulate`")
-    likelihood = posterior.likelihood
-    if not isinstance(likelihood, OutputError | FilterError) or mode.names != posterior.names:
+    if mode.names != posterior.names:
         raise InputError(
-            "mode" if mode.names != posterior.names else "posterior",
+            "mode",
             found=", ".join(mode.names),
-            expected="the parameters of a posterior of records: " + ", ".join(posterior.names),
-            remedy="give a posterior of `make_posterior` and the mode that `find_mode` finds of it",
+            expected="the parameters of the posterior: " + ", ".join(posterior.names),
+            remedy="give the mode that `find_mode` finds of this posterior",
         )
     stated = stated_mass(likelihood.model)
     masses = {} if stated is None else {MASS: stated}
     moved = check_numbers(values, "values", known=(*posterior.present_names, *masses))
-    for name in (MASS,) if MASS in moved and MASS not in posterior.names else ():
-        check_numbers({name: moved[name]}, "values", above=0.0)
-    sought = {name: value for name, value in moved.items() if name in posterior.names}
+    if masses and MASS in moved:
+        check_numbers({MASS: moved[MASS]}, "values", above=0.0)
+    judged = {name: value for name, value in moved.items() if name in posterior.names}
     best = {**mode.by_name, **masses}
     chosen = {**best, **moved}
     if follow and moved:
-        chosen |= _followed(posterior, _with_mass(posterior, mode, stated, moved.get(MASS)), sought)
-    both = [best, chosen]
+        about = _with_mass(posterior, mode, stated, moved[MASS]) if masses and MASS in moved else mode
+        chosen |= _followed(posterior, about, judged)
     if start is None and record.label in likelihood.labels:
         start = np.asarray(posterior.data.initial)[likelihood.labels.index(record.label)].tolist()
     alone = record_alone(posterior, record, start)
-    of_record = [_of_record(alone, record.label, one) for one in both]
-    distance = _distance(mode, dict(zip(mode.names, mode.sd, strict=True)) | dict(sd or {}), sought, follow)
-    shown, log_likelihoods = map(np.asarray, _outcomes(alone, *_points(alone, of_record, stated)))
-    fitted = np.asarray(_log_likelihoods(posterior, *_points(posterior, both, stated)))
+    of_record = _stacked((*alone.names, *masses), [_of_record(alone, record.label, one) for one in (best, chosen)])
+    of_fitted = _stacked((*posterior.names, *masses), [best, chosen])
+    # Without process noise the key has no use.
+    shown = np.asarray(outputs_of_draws(alone.likelihood.output)(of_record, alone.data, jax.random.key(0)))
+    own, fitted = (_log_likelihoods(*one) for one in ((alone, of_record), (posterior, of_fitted)))
     measured = np.column_stack([record.channel(name) for name in likelihood.channels])
     means = shown[:, : record.time.size]
     outcomes = [
-        Outcome(mean, _explained(measured, mean), float(own), float(of_fitted))
-        for mean, own, of_fitted in zip(means, log_likelihoods, fitted, strict=True)
+        Outcome(mean, _explained(measured, mean), *both) for mean, *both in zip(means, own, fitted, strict=True)
     ]
-    probability = float(scipy.special.chdtrc(len(sought), distance**2)) if sought else 1.0
+    distance = _distance(mode, dict(zip(mode.names, mode.sd, strict=True)) | dict(sd or {}), judged, follow)
+    probability = float(scipy.special.chdtrc(len(judged), distance**2)) if judged else 1.0
     return Tweak(record, likelihood.channels, chosen, tuple(moved), outcomes[1], outcomes[0], distance, probability)
 
 
 def _followed(posterior: Posterior, mode: Mode, moved: Mapping[str, float]) -> dict[str, float]:
     """Return the other parameters as the normal approximation expects them, inside their priors."""
-    priors = {one.name: one.prior for one in posterior.present_parameters}
     expected = mode.expected(moved) if moved else mode.by_name
-    return {
-        name: float(np.clip(value, *(np.nextafter(bound, value) for bound in priors[name].bounds)))
-        for name, value in expected.items()
-        if name in priors
-    }
+    others = [one for one in posterior.present_parameters if one.name in expected]
+    return {one.name: _inside(expected[one.name], one.prior.bounds) for one in others}
 
 
-def _with_mass(posterior: Posterior, mode: Mode, stated: float | None, mass: float | None) -> Mode:
+def _inside(value: float, bounds: tuple[float, float]) -> float:
+    return float(np.clip(value, *(np.nextafter(bound, value) for bound in bounds)))
+
+
+def _with_mass(posterior: Posterior, mode: Mode, stated: float, mass: float) -> Mode:
     """Return the mode as it moves, to first order, if the mass is not the stated one."""
-    if stated is None or mass is None:
-        return mode
     known = Parameter(MASS, "kg", "m", Normal(stated, stated))
     present = None if posterior.present is None else np.append(posterior.present, 1.0)
     wider = replace(posterior, parameters=(*posterior.parameters, known), present=present, guess=None)
     information = np.asarray(likelihood_slopes(wider, np.append(mode.values, stated)).information)
-    slope = mode.sd / np.sqrt(np.diag(mode.cov))
-    cov = mode.cov * np.outer(slope, slope)
-    return mode._replace(values=mode.values - cov @ information[:-1, -1] * (mass - stated))
+    return mode._replace(values=mode.values - mode.covariance @ information[:-1, -1] * (mass - stated))
 
 
 def _distance(mode: Mode, sd: Mapping[str, float], moved: Mapping[str, float], follow: bool) -> float:
     """Return how far moved values are from the best ones, in standard deviations; the correlations are those of the mode."""
     size = np.sqrt(np.diag(mode.cov))
-    correlation = mode.cov / np.outer(size, size)
-    at = np.array([mode.names.index(name) for name in moved], int)
-    off = np.array([(value - mode.by_name[name]) / sd[name] for name, value in moved.items()])
-    block = correlation[np.ix_(at, at)]
-    if not follow:  # (S^-1)_aa is the inverse of what is left of S_aa once the others are known
-        rest = np.delete(np.arange(len(size)), at)
-        across = correlation[np.ix_(rest, at)]
-        block = block - across.T @ np.linalg.lstsq(correlation[np.ix_(rest, rest)], across)[0]
-    return float(np.sqrt(max(0.0, off @ np.linalg.lstsq(block, off)[0]))) if at.size else 0.0
+    off = np.array([(moved.get(name, best) - best) / sd[name] for name, best in mode.by_name.items()])
+    # Where the others stay, they count with no distance: Q is then a block of the inverse of all.
+    at = np.array([i for i, name in enumerate(mode.names) if name in moved or not follow], int)
+    correlation = (mode.cov / np.outer(size, size))[np.ix_(at, at)]
+    return float(np.sqrt(max(0.0, off[at] @ np.linalg.lstsq(correlation, off[at])[0]))) if moved else 0.0
 
 
 def _of_record(alone: Posterior, label: str, values: Mapping[str, float]) -> dict[str, float]:
     """Return the values of the parameters of one trial, named as those of `ANY_TRIAL`."""
     known = {name.replace(f"[{label}]", f"[{ANY_TRIAL}]"): value for name, value in values.items()}
     first = dict(zip(alone.likelihood.model.states, np.asarray(alone.data.initial)[0], strict=True))
-    columns = {name: np.array([value]) for name, value in known.items()}
     unseen = [one for one in alone.present_parameters if one.name not in known]
-    return known | {one.name: float(prior_of_unseen(one, first, columns, {}).mean) for one in unseen}
+    return known | {one.name: float(prior_of_unseen(one, first, known, {}).mean) for one in unseen}
 
 
-def _points(posterior: Posterior, values: Sequence[Mapping[str, float]], stated: float | None) -> tuple:
-    points = np.array([[one.get(name, 0.0) for name in posterior.names] for one in values])
-    return points, None if stated is None else np.array([one[MASS] for one in values])
+def _stacked(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict[str, Float[np.ndarray, " k"]]:
+    """Return the values of parameters at several points, by name; 0 of what is absent."""
+    return {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}
 
 
-@program
-def _outcomes(
-    alone: Posterior, points: Float[Array, "k d"], masses: Float[Array, " k"] | None
-) -> tuple[Float[Array, "k n m"], Float[Array, " k"]]:
-    """Return what the sensors show of one trial, but for their noise, and its log-likelihood, at several points."""
-
-    def of_point(values: dict[str, Array]) -> tuple[Array, Array]:
-        shown = motions(alone.likelihood.output, values, alone.data, jax.random.key(0))[
-            0
-        ]  # no process noise, no use of the key
-        return shown, alone.likelihood(values, alone.data)
-
-    return jax.vmap(of_point)(_named(alone, points, masses))
+def _log_likelihoods(posterior: Posterior, values: Mapping[str, Float[np.ndarray, " k"]]) -> list[float]:
+    points = np.column_stack([values[name] for name in posterior.names])
+    return _at_points(
+        posterior, points, {name: values[name] for name in values if name not in posterior.names}
+    ).tolist()
 
 
 @program
-def _log_likelihoods(
-    posterior: Posterior, points: Float[Array, "k d"], masses: Float[Array, " k"] | None
+def _at_points(
+    posterior: Posterior, points: Float[Array, "k d"], more: Mapping[str, Float[Array, " k"]]
 ) -> Float[Array, " k"]:
-    return jax.vmap(lambda values: posterior.likelihood(values, posterior.data))(_named(posterior, points, masses))
+    """Return log-likelihoods at several points; `more` are values that are no parameters."""
 
+    def of_point(point: Array, more: Mapping[str, Array]) -> Array:
+        return posterior.likelihood({**dict(zip(posterior.names, point, strict=True)), **more}, posterior.data)
 
-def _named(posterior: Posterior, points: Array, masses: Array | None) -> dict[str, Array]:
-    named = dict(zip(posterior.names, jnp.asarray(points).T, strict=True))
-    return named if masses is None else {**named, MASS: masses}
+    return jax.vmap(of_point)(points, more)
 
 
 def _explained(measured: Float[np.ndarray, "n m"], mean: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " m"]:
     """Return the share of the variance of each channel that is explained."""
-    there = np.isfinite(measured)
-    count = np.maximum(there.sum(0), 1)
-    about = np.where(there, measured - np.where(there, measured, 0.0).sum(0) / count, 0.0)
-    total, left = (about**2).sum(0), np.where(there, measured - mean, 0.0)
+    seen = np.ma.masked_invalid(measured)
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.where(total > 0.0, 1.0 - (left**2).sum(0) / np.where(total > 0.0, total, 1.0), np.nan)
+        return np.ma.filled(1.0 - ((seen - mean) ** 2).mean(0) / seen.var(0), np.nan)
