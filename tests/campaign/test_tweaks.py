@@ -58,8 +58,8 @@ def test_values_are_moved_in_the_units_in_which_they_are_shown_and_nothing_is_wr
     assert min(answer.below) > 0.0
     assert answer.span == pytest.approx((0.0, 39.9))
     with pytest.raises(InputError, match=r"X_uabsu(.|\n)*outside its prior(.|\n)*from -8.8 to 0 "):
-        start_text(folder, (), asked, campaign.text, {**values, "X_uabsu": -9.0})
-    lines, text = start_text(folder, (), asked, campaign.text, values)
+        start_text(folder, (), asked, campaign.text, (*values.items(), ("X_uabsu", -9.0)))
+    lines, text = start_text(folder, (), asked, campaign.text, tuple(values.items()))
     assert lines.startswith("[estimation.start_values]\n")
     assert "mass" not in lines
     assert text.startswith(campaign.text[:200])

@@ -126,6 +126,20 @@ async def keep_form(path: Path, ask: Callable[[], Awaitable[Any]], make: Callabl
     await keep_current(ui.element("div"), lambda: read if forms and forms[0].is_edited else stamp(path), show)
 
 
+async def keep_filled(
+    stamp_of: Callable[[], Any],
+    ask: Callable[[], Awaitable[Any]],
+    build: Callable[[Any], Any],
+    waiting: str = "one moment …",
+) -> None:
+    """Fill a part of a page with what is built of an answer, and again whenever that has changed; arguments as `keep_current`, `fill`."""
+
+    async def show() -> None:
+        await fill(ui.element("div"), ask(), build, waiting)
+
+    await keep_current(ui.element("div"), stamp_of, show)
+
+
 async def fill(
     holder: Any,
     answer: Awaitable[Any],

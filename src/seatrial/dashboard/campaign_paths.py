@@ -184,18 +184,19 @@ class CampaignPaths:
         Raises:
             InputError: not one of those, or not there.
         """
+        kind = DOWNLOADS.get(relative)
         if _EXPORTED.fullmatch(relative):
-            return self.inside(self.folder(name), relative), "application/octet-stream"
-        if MADE.fullmatch(relative):
-            return self.inside(self.folder(name), relative), _TYPES[Path(relative).suffix]
-        if relative not in DOWNLOADS:
+            kind = "application/octet-stream"
+        elif MADE.fullmatch(relative):
+            kind = _TYPES[Path(relative).suffix]
+        if kind is None:
             raise InputError(
                 f'file "{relative[:80]}"',
                 found="a file that is not served",
                 expected="one of " + ", ".join(DOWNLOADS),
                 remedy="copy it from the campaign's folder",
             )
-        return self.inside(self.folder(name), relative), DOWNLOADS[relative]
+        return self.inside(self.folder(name), relative), kind
 
 
 def _keep(log: Path, place: Path) -> None:

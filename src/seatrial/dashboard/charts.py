@@ -11,8 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from nicegui import ui
 
-from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import markup, say
+from seatrial.dashboard.app_context import saying
 from seatrial.dashboard.downsample import COLUMNS, Envelope
 
 Kind = Literal["line", "dots", "steps", "band"]
@@ -272,15 +271,10 @@ class TimeChart:
         turn, more = self.asked, MARGIN * (end - start)
         low, high = max(self.span[0], start - more), min(self.span[1], end + more)
         columns = max(1, round(COLUMNS * (high - low) / ((end - start) or 1.0)))
-        try:
+        with saying(self.said):
             curves = await self.view(low, high, columns)
-        except (SeatrialError, OSError) as error:
-            self.said.clear()
-            with self.said:
-                say(error)
-            return
-        if turn == self.asked and not self.element.is_deleted:
-            self.said.clear()
+            if turn != self.asked or self.element.is_deleted:
+                return
             (first, last), options = self.span, {"series": self._series(curves, names)}
             if moves:
                 ends = [100 * (at - first) / ((last - first) or 1.0) for at in (start, end)]
@@ -476,8 +470,3 @@ def _rows(*columns: np.ndarray) -> list[list[float | None]]:
         [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in row]
         for row in zip(*(column.tolist() for column in columns), strict=True)
     ]
-
-
-def note(words: str) -> None:
-    """Say below a chart how it is used."""
-    markup(Markup('<p class="note">{}</p>').format(words))

@@ -1,10 +1,10 @@
 """Questions that need the vehicle and so the whole package; answered in the thinking process."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -36,9 +36,9 @@ from seatrial.core.signals import RATES
 from seatrial.core.units import quantity
 from seatrial.core.usual_priors import USUAL_SHARE
 from seatrial.dashboard import result_plots as drawings
-from seatrial.dashboard.downsample import Envelope, Load
+from seatrial.dashboard.downsample import Envelope, Load, load_of
 from seatrial.dashboard.logs import StampedColumn, isolated, samples_of
-from seatrial.dashboard.record_views import Index, about, index_of, origin_of, view_of
+from seatrial.dashboard.record_views import Index, about, in_shown, index_of, origin_of, view_of
 from seatrial.dashboard.terms import usual_terms
 from seatrial.dashboard.tweak_queries import start_text as start_text
 from seatrial.dashboard.tweak_queries import tweaked as tweaked
@@ -109,36 +109,28 @@ def export_targets(folder: str, rest: str) -> tuple[ExportTarget, ...]:
         folder: of the campaign.
         rest: published vehicle that supplies what it does not model; empty for none.
     """
-    try:
-        vehicle, _ = of_campaign(folder, rest=rest or None)
-        targets = [_export_target(make_exporter(name), vehicle) for name in exporter_names()]
-    except InputError as error:
-        targets = [ExportTarget(name, False, error.sentence(), ()) for name in exporter_names()]
-    return (*targets, *_trial_targets(folder))
-
-
-def _trial_targets(folder: str) -> list[ExportTarget]:
-    try:
-        trial = read_trial(folder)
-    except InputError as error:
-        return [ExportTarget(name, True, error.sentence(), ()) for name in FORMATS]
-    targets, place = [], Path(folder) / "export" / "trial"
-    for name in FORMATS:
-        refusal = ""
-        try:
-            check_format(trial, name, place)
-        except InputError as error:
-            refusal = error.sentence()
-        targets.append(ExportTarget(name, True, refusal, ()))
-    return targets
+    place = Path(folder) / "export" / "trial"
+    found, refusal = _tried(of_campaign, folder, rest=rest or None)
+    targets = [
+        ExportTarget(name, False, refusal, ()) if refusal else _export_target(make_exporter(name), found[0])
+        for name in exporter_names()
+    ]
+    trial, refusal = _tried(read_trial, folder)
+    of_trial = ((name, refusal or _tried(check_format, trial, name, place)[1]) for name in FORMATS)
+    return *targets, *(ExportTarget(name, True, refusal, ()) for name, refusal in of_trial)
 
 
 def _export_target(exporter: Exporter, vehicle: ExportedVehicle) -> ExportTarget:
+    _, refusal = _tried(check_exportable, exporter, vehicle)
+    return ExportTarget(exporter.name, False, refusal, () if refusal else carried_by(exporter, vehicle).lost)
+
+
+def _tried(question: Callable[..., Any], *about: Any, **more: Any) -> tuple[Any, str]:
+    """Return an answer, and why there is none: as a sentence, or empty."""
     try:
-        check_exportable(exporter, vehicle)
+        return question(*about, **more), ""
     except InputError as error:
-        return ExportTarget(exporter.name, False, error.sentence(), ())
-    return ExportTarget(exporter.name, False, "", carried_by(exporter, vehicle).lost)
+        return None, error.sentence()
 
 
 def form_data(folder: str) -> FormData:
@@ -309,7 +301,7 @@ def whole_log_view(folder: str, run: str, files: tuple, start: float, end: float
     """Curves of `whole_log` between two times, in the units in which they are shown."""
     record, index = _untrimmed(folder, run, files)
     curves = view_of(index, _rows(record), start, end, columns)
-    return {name: _in_shown(name, curve) for name, curve in curves.items()}
+    return {name: in_shown(name, curve) for name, curve in curves.items()}
 
 
 def axis_about(folder: str, text: str, run: str, files: tuple, compared: tuple[StampedColumn, ...] = ()) -> AxisAbout:
@@ -349,7 +341,7 @@ def axis_view(
     curves = {}
     for name, one in _tracks(folder, text, run, files, compared).items():
         (curve,) = view_of(one.index, one.load, start, end, columns).values()
-        curves[name] = curve if one.role == COMPARED else _in_shown(name, curve)
+        curves[name] = curve if one.role == COMPARED else in_shown(name, curve)
     return curves
 
 
@@ -415,8 +407,7 @@ def _tracks(folder: str, text: str, run: str, files: tuple, compared: tuple[Stam
 def _track(log: str, role: str, time: np.ndarray, values: np.ndarray) -> _Track:
     known = np.isfinite(values)
     rows = {"time": time[known], "value": values[known]}
-    load: Load = lambda a, b: {key: part[a:b] for key, part in rows.items()}  # noqa: E731
-    return _Track(log, role, rows["time"], load, index_of(rows["time"].size, load))
+    return _Track(log, role, rows["time"], load_of(rows), index_of(rows["time"].size, load_of(rows)))
 
 
 @lru_cache(maxsize=1)
@@ -428,13 +419,8 @@ def _untrimmed(folder: str, run: str, files: tuple) -> tuple[Record, Index]:
 
 
 def _rows(record: Record) -> Load:
-    columns = {"time": record.time, **{name: record.channel(name) for name in (*record.measured, *record.controls)}}
-    return lambda a, b: {name: values[a:b] for name, values in columns.items()}
-
-
-def _in_shown(name: str, curve: Envelope) -> Envelope:
-    factor = shown_unit(name)[0]
-    return Envelope(curve.time, curve.least * factor, curve.greatest * factor)
+    channels = {name: record.channel(name) for name in (*record.measured, *record.controls)}
+    return load_of({"time": record.time, **channels})
 
 
 def _of_control(limits: Limits, sweep: Sweep, values: np.ndarray) -> list[Margin]:

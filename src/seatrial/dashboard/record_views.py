@@ -157,11 +157,13 @@ def record_view(path: Path, start: float, end: float, columns: int = COLUMNS) ->
     index, origin = _record_index(path, there.st_size, there.st_mtime_ns)
     with stored(path) as file:
         curves = view_of(index, _loader(file), start - origin, end - origin, columns)
-    shown = {}
-    for name, curve in curves.items():
-        factor = shown_unit(name)[0]
-        shown[name] = Envelope(curve.time + origin, curve.least * factor, curve.greatest * factor)
-    return shown
+    return {name: in_shown(name, curve, origin) for name, curve in curves.items()}
+
+
+def in_shown(name: str, curve: Envelope, origin: float = 0.0) -> Envelope:
+    """Return a curve in the unit in which its channel is shown, over seconds from `origin` earlier on."""
+    factor = shown_unit(name)[0]
+    return Envelope(curve.time + origin, curve.least * factor, curve.greatest * factor)
 
 
 def read_ahead(path: Path) -> None:

@@ -89,19 +89,13 @@ def _sweep_line(
     over_period = sweep.amplitude.size == 1
     grid = sweep.period if over_period else sweep.shown_amplitude[0]
     points = [[x, _value(y)] for x, y in zip(grid, values, strict=True)]
-    options = {
-        "grid": {"left": 60, "right": 20, "top": 34, "bottom": 46},
-        "xAxis": axis(names[1] if over_period else names[0], nameLocation="middle", nameGap=26, scale=True),
-        "yAxis": axis(names[2], scale=True, nameTextStyle={"color": colour("ink"), "align": "left"}),
-        "tooltip": tooltip(_HOVER),
-        "dataZoom": WHEEL,
-        "series": [
-            {"type": "line", "name": names[2], "data": points, "color": colour("blue"), "symbolSize": 7},
-            _mark("best design", points[best], _STAR, 20),
-            _mark(CHOSEN, points[at], "rect", 16, hollow=True),
-        ],
-    }
-    return chart(options, title, 300)
+    series = [
+        {"type": "line", "name": names[2], "data": points, "color": colour("blue"), "symbolSize": 7},
+        _mark("best design", points[best], _STAR, 20),
+        _mark(CHOSEN, points[at], "rect", 16, hollow=True),
+    ]
+    along = axis(names[1] if over_period else names[0], nameLocation="middle", nameGap=26, scale=True)
+    return _line_chart(along, names[2], series, title, 300)
 
 
 def mark_chosen(element: ui.echart, sweep: SweptDesigns, family: int, measure: str, at: tuple[int, int]) -> None:
@@ -119,41 +113,31 @@ def schedule_chart(time: np.ndarray, control: np.ndarray, name: str, unit: str) 
     """Draw the control of a design over time, in its unit, as it is held from each sample to the next."""
     change = np.flatnonzero(np.diff(control, prepend=control[0] - 1.0))  # what is held needs one point
     keep = np.union1d(np.union1d(change, change - 1)[1:], [0, time.size - 1])
+    points = [[float(time[i]), float(control[i])] for i in keep]
+    line = {"type": "line", "name": name, "step": "end", "showSymbol": False, "color": colour("blue"), "data": points}
+    along = axis("time [s]", nameLocation="middle", nameGap=26, min=0, max=float(time[-1]))
+    return _line_chart(along, unit_label(name, unit), [line], f"Control {name} of the design over time", 240)
+
+
+def _line_chart(along: dict[str, Any], name: str, series: list[dict[str, Any]], title: str, height: int) -> ui.echart:
     options = {
-        "grid": {"left": 60, "right": 16, "top": 34, "bottom": 46},
-        "xAxis": axis("time [s]", nameLocation="middle", nameGap=26, min=0, max=float(time[-1])),
-        "yAxis": axis(unit_label(name, unit), scale=True, nameTextStyle={"color": colour("ink"), "align": "left"}),
+        "grid": {"left": 60, "right": 20, "top": 34, "bottom": 46},
+        "xAxis": along,
+        "yAxis": axis(name, scale=True, nameTextStyle={"color": colour("ink"), "align": "left"}),
         "tooltip": tooltip(_HOVER),
         "dataZoom": WHEEL,
-        "series": [
-            {
-                "type": "line",
-                "name": name,
-                "step": "end",
-                "showSymbol": False,
-                "color": colour("blue"),
-                "data": [[float(time[i]), float(control[i])] for i in keep],
-            }
-        ],
+        "series": series,
     }
-    return chart(options, f"Control {name} of the design over time", 240)
+    return chart(options, title, height)
 
 
 _STAR = "path://M0,-10L2.4,-3.1L9.5,-3.1L3.8,1.2L5.9,8.1L0,4L-5.9,8.1L-3.8,1.2L-9.5,-3.1L-2.4,-3.1Z"
 
 
 def _categories(names: Sequence[str], name: str, **more: Any) -> dict[str, Any]:
-    line = {"lineStyle": {"color": colour("muted")}}
-    labels = {"color": colour("ink"), "hideOverlap": True}
-    shown = {"axisLabel": labels, "axisLine": line, "axisTick": {"show": False}, "splitLine": {"show": False}}
-    return {
-        "type": "category",
-        "data": list(names),
-        "name": name,
-        "nameTextStyle": {"color": colour("ink")},
-        **shown,
-        **more,
-    }
+    labels, hidden = {"color": colour("ink"), "hideOverlap": True}, {"show": False}
+    shown = {"axisLabel": labels, "axisTick": hidden, "splitLine": hidden}
+    return axis(name, type="category", data=list(names), **shown, **more)
 
 
 def _mark(name: str, at: Sequence[float | None], symbol: str, size: int, hollow: bool = False) -> dict[str, Any]:

@@ -9,9 +9,8 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.workflow.whole_run import TITLE
-from seatrial.core.errors import SeatrialError
 from seatrial.core.reporter import duration_text, remaining
-from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.app_context import AppContext, markup, saying
 from seatrial.dashboard.jobs import LIVE, Job
 
 EVERY = 1.0
@@ -105,13 +104,9 @@ class RunBar:
             self.words.set_content(html)
 
     def _stop(self) -> None:
-        self.said.clear()
         self.context.glances.pop(self.folder, None)
-        if self.context.look(self.folder).running:  # it may have ended since the page was shown
-            with self.said:
-                try:
-                    self.context.jobs.stop(self.folder)
-                except (SeatrialError, OSError) as error:
-                    say(error)
+        with saying(self.said):
+            if self.context.look(self.folder).running:  # it may have ended since the page was shown
+                self.context.jobs.stop(self.folder)
         self.context.glances.pop(self.folder, None)
         self._look()

@@ -1,6 +1,5 @@
 """Questions of the page on which values are moved by hand; answered in the thinking process, where records and programs stay warm."""
 
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -87,22 +86,24 @@ def tweaked(folder: str, files: tuple, asked: Tweaking, view: tuple[float, float
     )
 
 
-def start_text(folder: str, files: tuple, asked: Tweaking, text: str, values: Mapping[str, float]) -> tuple[str, str]:
+def start_text(
+    folder: str, files: tuple, asked: Tweaking, text: str, values: tuple[tuple[str, float], ...]
+) -> tuple[str, str]:
     """Return the lines by which the search begins at some values of a structure too, and the whole campaign file with them, checked.
 
     Raises:
         InputError: a value outside its prior, or a file that cannot be edited.
     """
-    known = _known(folder, files)
+    known, chosen = _known(folder, files), dict(values)
     priors, start = {one.name: one.prior for one in known.posterior(asked.structure).present_parameters}, {}
     for one in movable(folder, files, asked.structure, known.records[asked.record].configuration):
         if one.name in priors:
-            start[one.name] = float(f"{values[one.name] / one.factor:.{DIGITS}g}")
+            start[one.name] = float(f"{chosen[one.name] / one.factor:.{DIGITS}g}")
             low, high = (one.factor * float(bound) for bound in priors[one.name].bounds)
             if not low <= one.factor * start[one.name] <= high:
                 raise InputError(
                     one.name,
-                    found=f"{values[one.name]:.5g} {one.unit}, outside its prior",
+                    found=f"{chosen[one.name]:.5g} {one.unit}, outside its prior",
                     expected=f"a start from {low:.5g} to {high:.5g} {one.unit}",
                     remedy="move it back, or widen its prior under Model",
                 )

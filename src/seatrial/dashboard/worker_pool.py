@@ -13,6 +13,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -45,10 +46,9 @@ class WorkerPool:
     async def try_out(self, question: str, *about: Any) -> Any:
         """Ask a function of `model_queries` what is hardly asked twice, such as what a slider shows; the answer is not kept."""
         try:
-            return await asyncio.wrap_future(self._submit("model_queries", question, about))
-        except BrokenProcessPool as cause:
-            self.pools.pop("model_queries", None)
-            raise NumericalError(ENDED) from cause
+            return await self._ask("model_queries", question, about, ())
+        finally:
+            self.answers.pop(("model_queries", question, about, ()), None)
 
     async def view(self, question: str, *about: Any, files: Sequence[Path] = ()) -> Any:
         """Ask a function of `record_views`; the answer is kept likewise."""
@@ -111,13 +111,7 @@ def answered(pool: str, question: str, *about: Any) -> Any:
 
     The question goes by its name, so that the process that asks need not import what answers it.
     """
-    match pool:
-        case "result_plots":
-            from seatrial.dashboard import result_plots as answers
-        case "record_views":
-            from seatrial.dashboard import record_views as answers
-        case _:
-            from seatrial.dashboard import model_queries as answers
+    answers = import_module(f"seatrial.dashboard.{pool}")
     try:
         return getattr(answers, question)(*about)
     except (SeatrialError, OSError) as error:

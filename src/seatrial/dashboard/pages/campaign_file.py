@@ -11,7 +11,7 @@ from nicegui import ui
 
 from seatrial.cli.campaign_text import CAMPAIGN, read_file, write_file
 from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, cautions_html, error_html, keep_form, markup, say
+from seatrial.dashboard.app_context import AppContext, cautions_html, error_html, keep_form, markup, say, saying
 from seatrial.dashboard.page_layout import button, link, section
 
 _MARK = """(() => {{
@@ -84,13 +84,8 @@ class FileForm:
 
     async def _show_difference(self) -> None:
         """Show what saving would change of the file as it is now; from then on the typed text may take its place."""
-        self.said.clear()
-        with self.said:
-            try:
-                there = await asyncio.to_thread(read_file, self.folder)
-            except (SeatrialError, OSError) as error:
-                say(error)
-                return
+        with saying(self.said):
+            there = await asyncio.to_thread(read_file, self.folder)
             now, typed = there.splitlines(), str(self.text.value).splitlines()
             lines = "\n".join(unified_diff(now, typed, "the file as it is now", "your text", lineterm=""))
             self.seen = there

@@ -16,8 +16,7 @@ from seatrial.campaign.store.summary import Summary
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.coefficients import is_coefficient
 from seatrial.core.display_units import shown_as_written
-from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.app_context import AppContext, markup, saying
 from seatrial.dashboard.page_layout import LOOK, link, section, table
 from seatrial.report.labels import label_html
 from seatrial.report.numbers import decimals, unit_html, with_sd
@@ -49,14 +48,9 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         holder = ui.element("div")
 
         def show() -> None:
-            holder.clear()
-            with holder:
-                try:
-                    there = context.campaign_paths.folder(str(form.value))
-                    ours, theirs = (Results(one).summary() for one in (folder, there))
-                except (SeatrialError, OSError) as error:
-                    say(error)
-                    return
+            with saying(holder):
+                there = context.campaign_paths.folder(str(form.value))
+                ours, theirs = (Results(one).summary() for one in (folder, there))
                 shown = shown_as_written(dict(written_units(folder)))
                 ours, theirs = (
                     replace(one, quote=tuple(row.in_unit(*shown(row.name, row.unit)) for row in one.quote))

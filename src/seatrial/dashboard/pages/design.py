@@ -14,8 +14,16 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, written_units
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import Shown, listed, shown_as_written
-from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, cautions_html, fill, keep_current, keep_form, markup, say
+from seatrial.dashboard.app_context import (
+    AppContext,
+    cautions_html,
+    fill,
+    keep_current,
+    keep_filled,
+    keep_form,
+    markup,
+    saying,
+)
 from seatrial.dashboard.page_layout import LOOK, button, section, table
 from seatrial.dashboard.pages.work import Live, begin, made_part
 from seatrial.dashboard.result_charts import mark_chosen, schedule_chart, surface_chart
@@ -78,15 +86,13 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 async def _cautions(context: AppContext, folder: Path) -> None:
     """Return what is worth correcting in the campaign file before a trial, and keep that up to date."""
-
-    def said(cautions: tuple[str, ...]) -> None:
-        markup(cautions_html(cautions))
-
-    async def show() -> None:
-        asked = context.worker_pool.think("cautions", str(folder), files=[folder / CAMPAIGN])
-        await fill(ui.element("div"), asked, said, "checking the campaign file …")
-
-    await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), show)
+    path, words = folder / CAMPAIGN, "checking the campaign file …"
+    await keep_filled(
+        lambda: stamp(path),
+        lambda: context.worker_pool.think("cautions", str(folder), files=[path]),
+        lambda cautions: markup(cautions_html(cautions)),
+        words,
+    )
 
 
 class Surface:
@@ -94,8 +100,7 @@ class Surface:
 
     def __init__(self, context: AppContext, folder: Path, paths: dict[str, Path], which: str, there: list[str]):
         self.context, self.folder, self.paths, self.which = context, folder, paths, which
-        self.family, self.measure, self.found = 0, "gain", None
-        self.at = (0, 0)
+        self.family, self.measure, self.at = 0, "gain", (0, 0)
         with section("Information of each design", "Click a design, or choose its amplitude and period below."):
             with ui.element("div").classes("line"):
                 options = {one: WHICH[one] for one in there}
@@ -110,23 +115,18 @@ class Surface:
     async def show(self) -> None:
         """Read the sweep and draw it, with its best design chosen."""
         path = self.paths[self.which]
-        try:
-            sweep: SweptDesigns = await self.context.worker_pool.draw("swept", path, files=[path])
-        except (SeatrialError, OSError) as error:
-            self.holder.clear()
-            with self.holder:
-                say(error)
-            return
-        self.found = sweep
-        self.family, self.at = sweep.best[0], sweep.best[1:]
-        self._family_form(sweep)
-        await self._draw()
+        with saying(self.holder):
+            self.sweep: SweptDesigns = await self.context.worker_pool.draw("swept", path, files=[path])
+            self.family, self.at = self.sweep.best[0], self.sweep.best[1:]
+            self._family_form()
+            await self._draw()
 
     async def _other(self, event: Any) -> None:
         self.which = event.value
         await self.show()
 
-    def _family_form(self, sweep: SweptDesigns) -> None:
+    def _family_form(self) -> None:
+        sweep = self.sweep
         self.families.clear()
         with self.families:
             if len(sweep.families) > 1:
@@ -138,7 +138,7 @@ class Surface:
 
     async def _to_family(self, event: Any) -> None:
         self.family = event.value
-        worth = self.found.worth[self.family]  # pyright: ignore[reportOptionalMemberAccess]
+        worth = self.sweep.worth[self.family]
         flat = max(range(worth.size), key=lambda i: -math.inf if math.isnan(worth.flat[i]) else worth.flat[i])
         self.at = divmod(flat, worth.shape[1])
         await self._draw()
@@ -148,8 +148,7 @@ class Surface:
         await self._draw()
 
     async def _draw(self) -> None:
-        sweep = self.found
-        assert sweep is not None
+        sweep = self.sweep
         self._surface()
         self.forms.clear()
         with self.forms:
@@ -163,23 +162,20 @@ class Surface:
         await self._look()
 
     def _surface(self) -> None:
-        assert self.found is not None
         self.holder.clear()
         with self.holder:
-            self.surface = surface_chart(self.found, self.family, self.measure, self.at).classes("surface")
+            self.surface = surface_chart(self.sweep, self.family, self.measure, self.at).classes("surface")
             self.surface.on(
                 "chart:click", self._clicked, js_handler="(e) => emit([e.seriesType, e.dataIndex, e.value])"
             )
-
-            markup(legend_html(self.found.gain[self.family]))
+            markup(legend_html(self.sweep.gain[self.family]))
 
     async def _clicked(self, event: Any) -> None:
-        assert self.found is not None
         kind, index, value = event.args
         if kind == "heatmap":
             self.at = int(value[1]), int(value[0])
         elif kind == "line":  # the setting that varies
-            self.at = (0, int(index)) if len(self.found.amplitude) == 1 else (int(index), 0)
+            self.at = (0, int(index)) if len(self.sweep.amplitude) == 1 else (int(index), 0)
         self.amplitude.value, self.period.value = self.at
         await self._chosen_now()
 
@@ -190,13 +186,10 @@ class Surface:
             await self._chosen_now()
 
     async def _chosen_now(self) -> None:
-        assert self.found is not None
-        mark_chosen(self.surface, self.found, self.family, self.measure, self.at)
+        mark_chosen(self.surface, self.sweep, self.family, self.measure, self.at)
         await self._look()
 
     async def _look(self) -> None:
-        sweep = self.found
-        assert sweep is not None
         self.details.clear()
         answer = self.context.worker_pool.think(
             "look_at",
@@ -208,7 +201,7 @@ class Surface:
         )
         with self.details:
             shown = shown_as_written(dict(written_units(self.folder)))
-            markup(what_it_teaches(sweep, self.family, *self.at, shown))
+            markup(what_it_teaches(self.sweep, self.family, *self.at, shown))
             holder = ui.element("div")
         await fill(
             holder,
@@ -218,8 +211,7 @@ class Surface:
         )
 
     def _details(self, clicked: Clicked) -> None:
-        sweep, name = self.found, f"{self.which}_schedule.csv"
-        assert sweep is not None
+        sweep, name = self.sweep, f"{self.which}_schedule.csv"
         markup(Markup("<p>{}</p>").format(clicked.words[:1].upper() + clicked.words[1:]))
         with ui.element("div").classes("figures"):
             schedule_chart(clicked.time, clicked.control, sweep.control, sweep.shown_amplitude[1])

@@ -16,7 +16,7 @@ from seatrial.cli.campaign_text import write_file
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard import channel_map
-from seatrial.dashboard.app_context import AppContext, error_html, fill, markup, say
+from seatrial.dashboard.app_context import AppContext, error_html, fill, markup, say, saying
 from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.channel_map import File, Mapped
 from seatrial.dashboard.map_draft import MapDraft
@@ -168,21 +168,16 @@ class ImportForm:
             return
 
         async def add(role: str) -> None:
-            messages.clear()
-            try:
+            with saying(messages):
                 text = channel_map.with_further_run(self.folder, saved, run, role)
                 await self.context.worker_pool.think("check", str(self.folder), text)
                 write_file(self.folder, text, saved)
-            except (SeatrialError, OSError) as error:
-                with messages:
-                    say(error)
-                return
-            self._begin_anew()
-            words = (
-                f"Saved in campaign.toml: {run.label} is under {role}, with the columns of the earlier map. Next, import the records: "
-                f"the chart at the top of this page will show it."
-            )
-            self._offer_import(self.holder, words)
+                self._begin_anew()
+                words = (
+                    f"Saved in campaign.toml: {run.label} is under {role}, with the columns of the earlier map. "
+                    "Next, import the records: the chart at the top of this page will show it."
+                )
+                self._offer_import(self.holder, words)
 
         with self.offer:
             markup(Markup("<h3>Another run, {}, with the columns of the map in campaign.toml</h3>").format(run.label))
@@ -377,21 +372,21 @@ class ImportForm:
         text, draft = await self._checked(self.said), self.draft
         if text is None:
             return
-        try:
+        with saying(self.said):
             missing = await self.context.worker_pool.think("channels_without_column", str(self.folder), text)
             for channel, why in missing.items():
                 if channel in self.rows:
                     self.rows[channel].complain(f"Choose a column: {channel} {why}.", "column")
             names = f"These channels need a column: {', '.join(missing)}."
             if refusal := names if missing else await self.axis.apart(text):
-                with self.said:
-                    say(f"Nothing was written. {refusal}")
+                say(f"Nothing was written. {refusal}")
                 return
             write_file(self.folder, text, draft.saved)
-        except (SeatrialError, OSError) as error:
-            with self.said:
-                say(error)
-            return
+            self._offer_saved(text)
+
+    def _offer_saved(self, text: str) -> None:
+        """Return what was saved, and offer what comes next."""
+        draft = self.draft
         imports = channel_map.imports_of(text)
         held_back = f"; held back to predict: {', '.join(imports['predict'])}" if imports.get("predict") else ""
         words = (

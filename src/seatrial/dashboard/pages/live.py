@@ -11,9 +11,8 @@ from markupsafe import Markup
 from nicegui import ui
 
 from seatrial.campaign.live.session_files import last_look
-from seatrial.core.errors import SeatrialError
 from seatrial.core.reporter import duration_text
-from seatrial.dashboard.app_context import AppContext, markup, say
+from seatrial.dashboard.app_context import AppContext, markup, saying
 from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.jobs import LIVE, ROS, TEXTS
 from seatrial.dashboard.page_layout import LOOK, button, section
@@ -82,13 +81,9 @@ class StartForm:
         self.said = ui.element("div")
 
     def _start(self) -> None:
-        self.said.clear()
         source = {"udp": self.port.value, "file": self.file.value}.get(str(self.kind.value), ROS)
-        try:
+        with saying(self.said):
             self.context.jobs.follow(self.folder, str(source or "").strip())
-        except (SeatrialError, OSError) as error:
-            with self.said:
-                say(error)
         self.context.glances.pop(self.folder, None)
 
 

@@ -17,7 +17,7 @@ from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError, SeatrialError
 from seatrial.core.signals import PROPULSION, SIGNALS, is_thruster
 from seatrial.dashboard import channel_map
-from seatrial.dashboard.app_context import AppContext, cautions_html, fill, markup, say
+from seatrial.dashboard.app_context import AppContext, cautions_html, fill, markup, say, saying
 from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.channel_map import Mapped
 from seatrial.dashboard.map_draft import MapDraft
@@ -271,11 +271,7 @@ class Start:
         if (made := await self._text()) is None:
             return
         folder, text, _ = made
-        try:
+        with saying(self.messages):
             await asyncio.to_thread(self.context.campaign_paths.begin, folder, text, self.path)
-        except (SeatrialError, OSError) as error:
-            with self.messages:
-                say(error)
-            return
-        step = await find_next_step(self.context, folder)
-        ui.navigate.to(link(step.view, folder.name))
+            step = await find_next_step(self.context, folder)
+            ui.navigate.to(link(step.view, folder.name))

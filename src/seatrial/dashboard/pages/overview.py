@@ -13,7 +13,7 @@ from seatrial.campaign.store.stored_result import StepState
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.errors import SeatrialError
 from seatrial.dashboard.app_context import PATIENCE, AppContext, change_of, fill, keep_current, markup
-from seatrial.dashboard.page_layout import VIEWS, button, frame, link
+from seatrial.dashboard.page_layout import VIEWS, button, frame, link, links_html
 from seatrial.dashboard.run_bar import standing_of
 
 EVERY = 2.0
@@ -80,10 +80,7 @@ async def _card(
 
         await keep_current(ui.element("div"), lambda: change_of(folder), show)
         at_work = markup("")
-        links = Markup("").join(
-            Markup('<a href="{}">{}</a>').format(link(key, name), words) for key, words in VIEWS.items()
-        )
-        markup(Markup('<div class="links">{}</div>').format(links))
+        markup(links_html((link(key, name), words) for key, words in VIEWS.items()))
 
     def look() -> None:
         job = context.look(folder)

@@ -12,7 +12,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, read_file, with_trim, write_file
 from seatrial.core.errors import SeatrialError
 from seatrial.core.record import SIMULATED
-from seatrial.dashboard.app_context import AppContext, fill, markup, say
+from seatrial.dashboard.app_context import AppContext, fill, markup, say, saying
 from seatrial.dashboard.campaign_paths import logs_of
 from seatrial.dashboard.charts import Curve, Panel, TimeChart
 from seatrial.dashboard.downsample import Envelope, rows_view
@@ -184,22 +184,17 @@ class RecordChart:
             self.chart.keep(float(start), float(end))
 
     async def _save(self) -> None:
-        self.saved.clear()
         start, end = self.start.value, self.end.value
         self.start.error, self.end.error = ends_errors(start, end, self.available)
-        if start is None or end is None or self.start.error or self.end.error:
-            return
-        with self.saved:
-            try:
-                text = with_trim(self.folder, self.seen, self.run, f"{start:.6g} s", f"{end:.6g} s")
-                await self.context.worker_pool.think("check", str(self.folder), text)
-                write_file(self.folder, text, self.seen)
-            except (SeatrialError, OSError) as error:
-                say(error)
-            else:
-                self.seen = text
-                markup('<p class="done" role="status">Saved in campaign.toml. The record is imported again.</p>')
-                await self.start_import()
+        with saying(self.saved):
+            if start is None or end is None or self.start.error or self.end.error:
+                return
+            text = with_trim(self.folder, self.seen, self.run, f"{start:.6g} s", f"{end:.6g} s")
+            await self.context.worker_pool.think("check", str(self.folder), text)
+            write_file(self.folder, text, self.seen)
+            self.seen = text
+            markup('<p class="done" role="status">Saved in campaign.toml. The record is imported again.</p>')
+            await self.start_import()
 
 
 def ends_errors(start: float | None, end: float | None, available: float) -> tuple[str | None, str | None]:

@@ -11,13 +11,13 @@ from seatrial.campaign.config.templates import has_placeholders
 from seatrial.campaign.store.stored_result import Store
 from seatrial.cli.campaign_text import CAMPAIGN, read_file
 from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, cautions_html, change_of, fill, keep_current, markup, say
+from seatrial.dashboard.app_context import AppContext, cautions_html, change_of, keep_filled, markup, saying
 from seatrial.dashboard.page_layout import button, link, links_html, section, table
 from seatrial.dashboard.pages.import_form import ImportForm
 from seatrial.dashboard.pages.new_campaign import EXAMPLES
 from seatrial.dashboard.pages.record_chart import RecordChart
 from seatrial.dashboard.pages.work import Live, begin
-from seatrial.dashboard.view_models import Checked, CheckRow
+from seatrial.dashboard.view_models import Checked, CheckRow, FormData
 from seatrial.dashboard.worker_pool import stamp
 from seatrial.report.labels import name_html
 
@@ -41,13 +41,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         def records() -> list[Path]:
             return sorted((Store(folder).results / "records").glob("*.nc"))
 
-        async def draw() -> None:
-            stored = [path.stem for path in records()]
-            await fill(
-                ui.element("div"),
-                context.form_data(folder),
-                lambda found: RecordChart(context, folder, found, stored, start).build(),
-            )
+        async def draw(found: FormData) -> None:
+            await RecordChart(context, folder, found, [path.stem for path in records()], start).build()
 
         def seen() -> Any:
             return tuple(map(stamp, records())) or stamp(folder / CAMPAIGN)
@@ -55,7 +50,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         async def start() -> None:
             await again(context, folder, messages, live)
 
-        await keep_current(ui.element("div"), seen, draw)
+        await keep_filled(seen, lambda: context.form_data(folder), draw)
     with section(
         "Checks",
         "Results of seatrial check: direction, size, delay, outliers, gaps, and the coefficients that each record can determine.",
@@ -63,12 +58,9 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await checks_part(context, campaign, folder)
         live, messages = Live(context, folder, OF_RECORDS), ui.element("div")
 
-        async def offer() -> None:
-            def build_button(words: str) -> None:
-                if words:
-                    button(words, start)
-
-            await fill(ui.element("div"), _anew(context, folder), build_button)
+        def offer(words: str) -> None:
+            if words:
+                button(words, start)
 
         with ui.element("div").classes("line"):
             button(
@@ -76,7 +68,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
                 lambda: (begin(context, folder, messages, "check"), live.look()),
                 main=bool(records()),
             )
-            await keep_current(ui.element("div"), lambda: stamp(folder / CAMPAIGN), offer)
+            await keep_filled(lambda: stamp(folder / CAMPAIGN), lambda: _anew(context, folder), offer)
     with section(
         "A new log",
         "Put a log into the campaign's folder, or send it from here. Preview it, choose the column of each channel, and save.",
@@ -96,12 +88,12 @@ def is_of_template(folder: Path) -> bool:
 async def checks_part(context: AppContext, campaign: str, folder: Path) -> None:
     """Show what the last check found, and keep that up to date."""
 
-    async def show() -> None:
-        await fill(
-            ui.element("div"), context.checked(folder), lambda found: markup(checks_html(found, campaign)), "reading …"
-        )
-
-    await keep_current(ui.element("div"), lambda: change_of(folder), show)
+    await keep_filled(
+        lambda: change_of(folder),
+        lambda: context.checked(folder),
+        lambda found: markup(checks_html(found, campaign)),
+        "reading …",
+    )
 
 
 def checks_html(checked: Checked | None, campaign: str) -> Markup:
@@ -145,12 +137,7 @@ async def _anew(context: AppContext, folder: Path) -> str:
 
 async def again(context: AppContext, folder: Path, messages: ui.element, live: Any) -> None:
     """Import or simulate the records again, as the campaign says."""
-    messages.clear()
-    try:
+    with saying(messages):
         data = await context.form_data(folder)
-    except SeatrialError as error:
-        with messages:
-            say(error)
-        return
-    begin(context, folder, messages, "simulate" if data.simulated else "import")
-    live.look()
+        begin(context, folder, messages, "simulate" if data.simulated else "import")
+        live.look()

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from seatrial.campaign.store.stored_result import Store
 from seatrial.dashboard.app_context import AppContext, evidence_of, fill, keep_current, markup
-from seatrial.dashboard.page_layout import LOOK, button, link, section, table
+from seatrial.dashboard.page_layout import LOOK, button, link, links_html, section, table
 from seatrial.dashboard.pages.work import Live, begin
 from seatrial.dashboard.view_models import ExportTarget
 from seatrial.dashboard.worker_pool import stamp
@@ -62,10 +62,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
         async def files() -> None:
             there = context.campaign_paths.files(campaign)
-            links = [
-                Markup('<a href="{}">{}</a>').format(link("download", campaign, file=name), name) for name in there
-            ]
-            markup(Markup('<p class="links">{}</p>').format(Markup("").join(links)))
+            markup(links_html((link("download", campaign, file=name), name) for name in there))
 
         await keep_current(ui.element("div"), lambda: context.campaign_paths.files(campaign), files)
 

@@ -13,8 +13,7 @@ from seatrial.campaign.store.stored_result import Store
 from seatrial.campaign.store.summary import NextTrial
 from seatrial.cli.campaign_text import written_units
 from seatrial.core.display_units import Shown, shown_as_written
-from seatrial.core.errors import SeatrialError
-from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
+from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, keep_filled, markup, saying
 from seatrial.dashboard.page_layout import button, link, links_html, section
 from seatrial.dashboard.pages.work import Live, begin
 from seatrial.dashboard.view_models import EstimatedStructure
@@ -63,10 +62,8 @@ def _sections(campaign: str, folder: Path, sections: dict[str, str]) -> None:
                 links_html([(link("import", campaign), "Zoom into the records, with the predictions of any structure")])
             )
         elif name == "next":
-            try:
+            with saying(ui.element("div")):
                 markup(next_links(campaign, store, Results(folder).summary().next_trial))
-            except (SeatrialError, OSError) as error:
-                say(error)
 
 
 def next_links(campaign: str, store: Store, trial: NextTrial) -> Markup:
@@ -154,10 +151,7 @@ async def _currency(context: AppContext, campaign: str, folder: Path) -> None:
             words = '<p class="note">Not made yet: {}. <a href="{}">Run the rest</a>.</p>'
             markup(Markup(words).format(", ".join(missing), link("run", campaign)))
 
-    async def show() -> None:
-        await fill(ui.element("div"), context.steps(folder), build, "looking whether these results are current …")
-
     def seen() -> Any:
         return change_of(folder), context.look(folder).running
 
-    await keep_current(ui.element("div"), seen, show)
+    await keep_filled(seen, lambda: context.steps(folder), build, "looking whether these results are current …")

@@ -218,7 +218,7 @@ class TweakPage:
         """Show the lines that would be written, and the button that writes them."""
         with saying(self.lines):
             answer = await self.ask()
-            values = {one.name: one.value for one in answer.numbers}
+            values = tuple((one.name, one.value) for one in answer.numbers)
             seen = await asyncio.to_thread(read_file, self.folder)
             asked = (str(self.folder), self.files, self.asked, seen, values)
             lines, text = await self.context.worker_pool.try_out("start_text", *asked)

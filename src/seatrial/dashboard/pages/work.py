@@ -10,13 +10,13 @@ from nicegui import ui
 
 from seatrial.campaign.workflow.whole_run import TITLE
 from seatrial.cli.main import COMMANDS
-from seatrial.core.errors import InputError, SeatrialError
+from seatrial.core.errors import InputError
 from seatrial.core.reporter import duration_text
-from seatrial.dashboard.app_context import AppContext, change_of, fill, keep_current, markup, say
+from seatrial.dashboard.app_context import AppContext, change_of, keep_current, keep_filled, markup, say, saying
 from seatrial.dashboard.campaign_paths import MADE
 from seatrial.dashboard.command_options import STARTED, CommandOption, Value, options_of, words_of_options
 from seatrial.dashboard.jobs import LIVE, Job
-from seatrial.dashboard.page_layout import LOOK, button, link, section
+from seatrial.dashboard.page_layout import LOOK, button, link, links_html, section
 from seatrial.dashboard.pages.overview import LEGEND, steps_html
 from seatrial.dashboard.run_bar import remaining_of
 from seatrial.report.labels import name_html
@@ -59,15 +59,12 @@ async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
 
 async def standing_part(context: AppContext, folder: Path) -> None:
     """Show which steps are current, and keep that up to date."""
-    holder = ui.element("div")
-
-    async def show() -> None:
-        part = ui.element("div")
-        await fill(
-            part, context.steps(folder), lambda steps: markup(steps_html(steps)), "checking which results are current …"
-        )
-
-    await keep_current(holder, lambda: change_of(folder), show)
+    await keep_filled(
+        lambda: change_of(folder),
+        lambda: context.steps(folder),
+        lambda steps: markup(steps_html(steps)),
+        "checking which results are current …",
+    )
 
 
 class CommandForm:
@@ -133,10 +130,7 @@ def _made(folder: Path, campaign: str, job: Job) -> None:
             changed = str((folder / name).stat().st_mtime_ns)
             address = link("download", campaign, file=name, shown="1", changed=changed)
             markup(Markup('<figure class="picture"><img src="{}" alt="{}"></figure>').format(address, name))
-    links = Markup("").join(
-        Markup('<a href="{}">Download {}</a>').format(link("download", campaign, file=name), name) for name in there
-    )
-    markup(Markup('<p class="links">{}</p>').format(links))
+    markup(links_html((link("download", campaign, file=name), f"Download {name}") for name in there))
 
 
 def named_in(output: str, folder: Path) -> list[str]:
@@ -144,17 +138,11 @@ def named_in(output: str, folder: Path) -> list[str]:
     return sorted(set(re.findall(re.escape(folder.as_posix()) + r"/([^\s;,]+\.(?:svg|csv|json))", output)))
 
 
-def begin(context: AppContext, folder: Path, messages: ui.element, command: str, *options: str) -> bool:
+def begin(context: AppContext, folder: Path, messages: ui.element, command: str, *options: str) -> None:
     """Start a command, or say in its place why that cannot be."""
-    messages.clear()
-    with messages:
-        try:
-            context.jobs.start(folder, command, *options)
-        except (SeatrialError, OSError) as error:
-            say(error)
-            return False
-    context.glances.pop(folder, None)
-    return True
+    with saying(messages):
+        context.jobs.start(folder, command, *options)
+        context.glances.pop(folder, None)
 
 
 class Live:

@@ -14,7 +14,13 @@ import scipy
 from jaxtyping import Float
 
 from seatrial.estimation.prediction.fit_verdict import FitLevel
-from seatrial.estimation.prediction.prediction_scores import LOG_2PI, crps_normal, diverges, independent_samples
+from seatrial.estimation.prediction.prediction_scores import (
+    DIVERGES,
+    PredictedRun,
+    crps_normal,
+    independent_samples,
+    score_channel,
+)
 
 CLEAR_RATIO = 1.1  # Ratio of the CRPS from which a baseline is clearly better
 MAX_CHANCE = 0.05  # Probability below which a difference is not put down to chance
@@ -112,21 +118,9 @@ def compare(
 
 
 def _pooled(words: str, runs: Sequence[Run], predicted: Sequence[Predicted]) -> PooledScore:
-    measured, mean, sd = (np.concatenate(column) for column in zip(*_present(runs, predicted), strict=True))
-    if diverges(measured, mean, sd):
-        return PooledScore(words, 0.0, 0.0, 0.0, diverges=True)
-    total = sum(
-        float(np.sum((one.measured - np.nanmean(one.measured)) ** 2, where=np.isfinite(one.measured)))
-        for one in runs
-        if np.isfinite(one.measured).any()
-    )
-    z = (measured - mean) / sd
-    return PooledScore(
-        words,
-        1.0 - float(np.sum((measured - mean) ** 2)) / total if total > 0 else 0.0,
-        float(np.mean(crps_normal(measured, mean, sd))),
-        float(np.mean(-0.5 * z**2 - np.log(sd)) - 0.5 * LOG_2PI),
-    )
+    pairs = zip(runs, predicted, strict=True)
+    score = score_channel([PredictedRun(*run, one.mean, one.sd, 0.0) for run, one in pairs])
+    return PooledScore(words, score.explained, score.crps, score.log_score, score.missing == DIVERGES)
 
 
 def _present(runs: Sequence[Run], predicted: Sequence[Predicted]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

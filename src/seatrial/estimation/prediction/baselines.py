@@ -336,10 +336,6 @@ def _first(record: Record, channel: str, start: int) -> float:
     return float(known[0]) if known.size else np.nan
 
 
-def _count(records: Sequence[Record], channel: str) -> int:
-    return sum(int(np.isfinite(_measured(record, channel)).sum()) for record in records)
-
-
 def _fitted_channels(
     records: Sequence[Record], channels: Sequence[str], wanted: Callable[[str], bool], unknowns: int, what: str
 ) -> tuple[str, ...]:
