@@ -77,9 +77,8 @@ def test_what_is_improbable_is_said_in_plain_words():
 def test_nothing_is_asked_of_a_field_that_is_empty_or_of_a_mass_of_zero(tmp_path):
     page = TweakPage(None, "boat", tmp_path, ())
     for name, value in (("X_u", float("nan")), ("mass", 0.0), ("mass", -1.0)):
-        page.moved = {"T_nabsn": 1.0, name: value}
         with pytest.raises(InputError, match=rf"^{name}\n(.|\n)*type one"):
-            asyncio.run(page.ask())
+            asyncio.run(page.ask(None, {"T_nabsn": 1.0, name: value}))
 
 
 @pytest.mark.proof

@@ -80,17 +80,17 @@ class AppContext:
         return await self.worker_pool.think("form_data", str(folder), files=[folder / CAMPAIGN])
 
 
-async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[], Awaitable[Any]]) -> None:
+async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[], Any]) -> None:
     """Build a part of a page, and build it again whenever what it shows has changed, whoever changed it.
 
     Args:
         part: element that holds it.
         stamp_of: what tells that something has changed; asked in a thread.
-        build: of its content.
+        build: of its content, at once or as a coroutine.
     """
     last = shown = await asyncio.to_thread(stamp_of)
     with part:
-        await build()
+        await _finished(build())
 
     async def look() -> None:
         nonlocal last, shown
@@ -99,9 +99,14 @@ async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[
             shown = last
             part.clear()
             with part:
-                await build()
+                await _finished(build())
 
     ui.timer(CHANGES, look)
+
+
+async def _finished(made: Any) -> None:
+    if asyncio.iscoroutine(made):
+        await made
 
 
 async def keep_form(path: Path, ask: Callable[[], Awaitable[Any]], make: Callable[[Any], Any]) -> None:
@@ -134,10 +139,7 @@ async def keep_filled(
 ) -> None:
     """Fill a part of a page with what is built of an answer, and again whenever that has changed; arguments as `keep_current`, `fill`."""
 
-    async def show() -> None:
-        await fill(ui.element("div"), ask(), build, waiting)
-
-    await keep_current(ui.element("div"), stamp_of, show)
+    await keep_current(ui.element("div"), stamp_of, lambda: fill(ui.element("div"), ask(), build, waiting))
 
 
 async def fill(
@@ -170,9 +172,7 @@ async def fill(
         if is_wanted():
             holder.clear()
             with holder:
-                made = build(answer)
-                if asyncio.iscoroutine(made):
-                    await made
+                await _finished(build(answer))
 
     def is_wanted() -> bool:  # the viewer may have gone on to something else
         return not holder.is_deleted and _LAST.get(holder) is turn

@@ -42,7 +42,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     paths = {"design": Store(folder).design, "next": Store(folder).next_design}
 
-    async def show() -> None:
+    def show() -> None:
         there = [which for which, path in paths.items() if path.is_file()]
         if there:
             Surface(context, folder, paths, there[-1], there)

@@ -40,10 +40,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     with section("Report", "One page with all results, to archive or print; it needs no server."):
         report = Store(folder).report
 
-        async def links() -> None:
-            _report_links(campaign, report.is_file())
-
-        await keep_current(ui.element("div"), lambda: stamp(report), links)
+        part = ui.element("div")
+        await keep_current(part, lambda: stamp(report), lambda: _report_links(campaign, report.is_file()))
         messages = ui.element("div")
         button("Write the report again", lambda: begin(context, folder, messages, "report"), main=not report.is_file())
     with section(
@@ -51,16 +49,13 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "To a simulator or a vehicle: written to export/ in the folder of the campaign, listed under Files. Only possible targets are "
         "offered.",
     ):
-
-        async def form() -> None:
-            await ExportForm(context, folder).show()
-
-        await keep_current(ui.element("div"), lambda: stamp(Store(folder).summary), form)
+        part = ui.element("div")
+        await keep_current(part, lambda: stamp(Store(folder).summary), lambda: ExportForm(context, folder).show())
     with section("At work"):
         Live(context, folder)
     with section("Files", "Results and exports in the folder of the campaign."):
 
-        async def files() -> None:
+        def files() -> None:
             there = context.campaign_paths.files(campaign)
             markup(links_html((link("download", campaign, file=name), name) for name in there))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from math import isfinite, isnan
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -112,18 +113,18 @@ class TweakPage:
         with self.chart:
             await self._draw(answer)
 
-    async def ask(self, view: tuple[float, float, int] | None = None) -> Tweaked:
-        """Ask for what the moved values predict.
+    async def ask(
+        self, view: tuple[float, float, int] | None = None, moved: Mapping[str, float] = MappingProxyType({})
+    ) -> Tweaked:
+        """Ask for what values predict, of which some are moved.
 
         Raises:
             InputError: a value that cannot be.
         """
-        if wrong := [
-            name for name, value in self.moved.items() if not isfinite(value) or (name == MASS and value <= 0)
-        ]:
+        if wrong := [name for name, value in moved.items() if not isfinite(value) or (name == MASS and value <= 0)]:
             found, expected = "no number that it can have", "a number, above 0 for a mass"
             raise InputError(", ".join(wrong), found=found, expected=expected, remedy="type one, or press ↺ beside it")
-        asked = self.asked = self.asked._replace(moved=tuple(self.moved.items()))
+        asked = self.asked._replace(moved=tuple(moved.items()))
         return await self.context.worker_pool.try_out("tweaked", str(self.folder), self.files, asked, view)
 
     async def _draw(self, answer: Tweaked) -> None:
@@ -132,7 +133,8 @@ class TweakPage:
         self.moved = {name: value for name, value in self.moved.items() if name in self.names}
         self.sliders.clear()
         with self.sliders:
-            markup(Markup("").join(map(movable_html, answer.numbers)))
+            numbers = (one._replace(value=self.moved.get(one.name, one.value)) for one in answer.numbers)
+            markup(Markup("").join(map(movable_html, numbers)))
         panels = [panel for name, unit, *_ in answer.channels for panel in panels_of(name, unit)]
         self.changing = [f"{name}{part}" for name, *_ in answer.channels for part in ("", " residual")]
         title = f"Record {self.asked.record} as measured and predicted"
@@ -176,12 +178,13 @@ class TweakPage:
             self.is_busy = False
 
     async def _view(self, start: float, end: float, columns: int) -> Mapping[str, Envelope]:
-        """Return the curves between two times; empty ones for values that cannot be."""
+        """Return the curves between two times, without prediction and residual for values that cannot be."""
+        view = start, end, columns
         try:
-            self.answer = await self.ask((start, end, columns))
+            self.answer = await self.ask(view, self.moved)
         except (SeatrialError, OSError) as error:
             self.answer = error
-            return dict.fromkeys(self.changing, NOTHING)
+            return (await self.ask(view)).curves | dict.fromkeys(self.changing, NOTHING)
         return self.answer.curves
 
     def _show(self) -> None:
@@ -217,7 +220,7 @@ class TweakPage:
     async def _show_lines(self) -> None:
         """Show the lines that would be written, and the button that writes them."""
         with saying(self.lines):
-            answer = await self.ask()
+            answer = await self.ask(None, self.moved)
             values = tuple((one.name, one.value) for one in answer.numbers)
             seen = await asyncio.to_thread(read_file, self.folder)
             asked = (str(self.folder), self.files, self.asked, seen, values)

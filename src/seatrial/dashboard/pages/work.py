@@ -50,11 +50,8 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
     """Show what the last command wrote, and keep that up to date."""
-
-    async def show() -> None:
-        _made(folder, campaign, context.jobs.look(folder))
-
-    await keep_current(ui.element("div"), lambda: change_of(folder), show)
+    part = ui.element("div")
+    await keep_current(part, lambda: change_of(folder), lambda: _made(folder, campaign, context.jobs.look(folder)))
 
 
 async def standing_part(context: AppContext, folder: Path) -> None:

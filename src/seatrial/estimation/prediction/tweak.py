@@ -107,9 +107,9 @@ class Tweak:
     @property
     def _remarks(self) -> tuple[str, ...]:
         lower = (self.best[i] - self.tweaked[i] for i in (2, 3))
-        words = ("log likelihood {:.4g} below that of the best values; of all fitted records {:.4g}", *lower)
+        words = "log likelihood {:.4g} below that of the best values; of all fitted records {:.4g}"
         far = f"{self.distance:.3g} standard deviations from the best values; {self.probability:.2g} of the posterior is farther"
-        return (words[0].format(*words[1:]), far)
+        return words.format(*lower), far
 
     __repr__ = table_text
     _repr_html_ = table_html
@@ -152,28 +152,29 @@ def tweak(
             remedy="give the mode that `find_mode` finds of this posterior",
         )
     stated = stated_mass(likelihood.model)
-    masses = {} if stated is None else {MASS: stated}
-    moved = check_numbers(values, "values", known=(*posterior.present_names, *masses))
-    if masses and MASS in moved:
+    best = mode.by_name if stated is None else {**mode.by_name, MASS: stated}
+    moved = check_numbers(values, "values", known=(*posterior.present_names, *best.keys() - mode.names))
+    if MASS in moved and stated is not None:
         check_numbers({MASS: moved[MASS]}, "values", above=0.0)
     judged = {name: value for name, value in moved.items() if name in posterior.names}
-    best = {**mode.by_name, **masses}
     chosen = {**best, **moved}
+    fitted = posterior if stated is None else _with_mass(posterior, stated)
     if follow and moved:
-        about = _with_mass(posterior, mode, stated, moved[MASS]) if masses and MASS in moved else mode
-        chosen |= _followed(posterior, about, judged)
+        shift = moved.get(MASS, stated or 0.0) - (stated or 0.0)
+        chosen |= _followed(posterior, _shifted(fitted, mode, shift) if shift else mode, judged)
     if start is None and record.label in likelihood.labels:
         start = np.asarray(posterior.data.initial)[likelihood.labels.index(record.label)].tolist()
-    alone = record_alone(posterior, record, start)
-    of_record = _stacked((*alone.names, *masses), [_of_record(alone, record.label, one) for one in (best, chosen)])
-    of_fitted = _stacked((*posterior.names, *masses), [best, chosen])
+    alone = record_alone(fitted, record, start)
+    rows = [_of_record(alone, record.label, one) for one in (best, chosen)]
+    of_record, of_fitted = _points(alone, rows), _points(fitted, (best, chosen))
     # Without process noise the key has no use.
-    shown = np.asarray(outputs_of_draws(alone.likelihood.output)(of_record, alone.data, jax.random.key(0)))
-    own, fitted = (_log_likelihoods(*one) for one in ((alone, of_record), (posterior, of_fitted)))
+    simulated = outputs_of_draws(alone.likelihood.output)
+    shown = np.asarray(simulated(dict(zip(alone.names, of_record.T, strict=True)), alone.data, jax.random.key(0)))
+    log_likelihoods = (_log_likelihoods(*one).tolist() for one in ((alone, of_record), (fitted, of_fitted)))
     measured = np.column_stack([record.channel(name) for name in likelihood.channels])
     means = shown[:, : record.time.size]
     outcomes = [
-        Outcome(mean, _explained(measured, mean), *both) for mean, *both in zip(means, own, fitted, strict=True)
+        Outcome(mean, _explained(measured, mean), *both) for mean, *both in zip(means, *log_likelihoods, strict=True)
     ]
     distance = _distance(mode, dict(zip(mode.names, mode.sd, strict=True)) | dict(sd or {}), judged, follow)
     probability = float(scipy.special.chdtrc(len(judged), distance**2)) if judged else 1.0
@@ -191,19 +192,26 @@ def _inside(value: float, bounds: tuple[float, float]) -> float:
     return float(np.clip(value, *(np.nextafter(bound, value) for bound in bounds)))
 
 
-def _with_mass(posterior: Posterior, mode: Mode, stated: float, mass: float) -> Mode:
-    """Return the mode as it moves, to first order, if the mass is not the stated one."""
-    known = Parameter(MASS, "kg", "m", Normal(stated, stated))
+def _with_mass(posterior: Posterior, stated: float) -> Posterior:
+    """Return a posterior with the mass as its last parameter."""
+    mass = Parameter(MASS, "kg", "m", Normal(stated, stated))
     present = None if posterior.present is None else np.append(posterior.present, 1.0)
-    wider = replace(posterior, parameters=(*posterior.parameters, known), present=present, guess=None)
-    information = np.asarray(likelihood_slopes(wider, np.append(mode.values, stated)).information)
-    return mode._replace(values=mode.values - mode.covariance @ information[:-1, -1] * (mass - stated))
+    return replace(posterior, parameters=(*posterior.parameters, mass), present=present, guess=None)
+
+
+def _shifted(with_mass: Posterior, mode: Mode, shift: float) -> Mode:
+    """Return the mode as it moves, to first order, if the mass differs by so much from the stated one, the mean of its prior."""
+    stated = with_mass.parameters[-1].prior.mean
+    information = np.asarray(likelihood_slopes(with_mass, np.append(mode.values, stated)).information)
+    return mode._replace(values=mode.values - mode.covariance @ information[:-1, -1] * shift)
 
 
 def _distance(mode: Mode, sd: Mapping[str, float], moved: Mapping[str, float], follow: bool) -> float:
     """Return how far moved values are from the best ones, in standard deviations; the correlations are those of the mode."""
     size = np.sqrt(np.diag(mode.cov))
-    off = np.array([(moved.get(name, best) - best) / sd[name] for name, best in mode.by_name.items()])
+    off = np.zeros(size.size)
+    for name, value in moved.items():
+        off[mode.names.index(name)] = (value - mode.by_name[name]) / sd[name]
     # Where the others stay, they count with no distance: Q is then a block of the inverse of all.
     at = np.array([i for i, name in enumerate(mode.names) if name in moved or not follow], int)
     correlation = (mode.cov / np.outer(size, size))[np.ix_(at, at)]
@@ -218,28 +226,17 @@ def _of_record(alone: Posterior, label: str, values: Mapping[str, float]) -> dic
     return known | {one.name: float(prior_of_unseen(one, first, known, {}).mean) for one in unseen}
 
 
-def _stacked(names: Sequence[str], rows: Sequence[Mapping[str, float]]) -> dict[str, Float[np.ndarray, " k"]]:
-    """Return the values of parameters at several points, by name; 0 of what is absent."""
-    return {name: np.array([row.get(name, 0.0) for row in rows]) for name in names}
-
-
-def _log_likelihoods(posterior: Posterior, values: Mapping[str, Float[np.ndarray, " k"]]) -> list[float]:
-    points = np.column_stack([values[name] for name in posterior.names])
-    return _at_points(
-        posterior, points, {name: values[name] for name in values if name not in posterior.names}
-    ).tolist()
+def _points(posterior: Posterior, rows: Sequence[Mapping[str, float]]) -> Float[np.ndarray, "k d"]:
+    """Return the values of all parameters at several points; 0 of what is absent."""
+    return np.array([[row.get(name, 0.0) for name in posterior.names] for row in rows])
 
 
 @program
-def _at_points(
-    posterior: Posterior, points: Float[Array, "k d"], more: Mapping[str, Float[Array, " k"]]
-) -> Float[Array, " k"]:
-    """Return log-likelihoods at several points; `more` are values that are no parameters."""
+def _log_likelihoods(posterior: Posterior, points: Float[Array, "k d"]) -> Float[Array, " k"]:
+    def of_point(point: Array) -> Array:
+        return posterior.likelihood(dict(zip(posterior.names, point, strict=True)), posterior.data)
 
-    def of_point(point: Array, more: Mapping[str, Array]) -> Array:
-        return posterior.likelihood({**dict(zip(posterior.names, point, strict=True)), **more}, posterior.data)
-
-    return jax.vmap(of_point)(points, more)
+    return jax.vmap(of_point)(points)
 
 
 def _explained(measured: Float[np.ndarray, "n m"], mean: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " m"]:
