@@ -62,7 +62,8 @@ def test_a_short_view_is_that_of_its_rows(rows):
     load = loader(time, values, [])
     found = view_of(index_of(ROWS, load), load, 100.0, 101.0, 700)["u"]
     first, last = np.searchsorted(time, [100.0, 101.0])
-    direct = envelopes(time[first - 1 : last + 1], lambda a, b: {"u": values[first - 1 + a : first - 1 + b]}, 700)["u"]
+    here = {"u": values[first - 1 : last + 1]}
+    direct = envelopes(time[first - 1 : last + 1], here, here, 700)["u"]
     for one, other in zip(found, direct, strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -1,4 +1,4 @@
-"""Long curves as a screen can show them: the least and greatest value of each column of pixels, read block by block."""
+"""Long curves as a screen can show them: the least and greatest value of each column of pixels."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -11,8 +11,6 @@ COLUMNS = 720
 """Columns of pixels that a figure has at most."""
 FEW = 4
 """Samples for each column up to which every one of them is drawn."""
-BLOCK = 1 << 20
-"""Rows that are read at a time."""
 
 Load = Callable[[int, int], Mapping[str, np.ndarray]]
 """Rows from one to before another, by name."""
@@ -34,28 +32,26 @@ def edges_of(time: Float[np.ndarray, " n"], columns: int = COLUMNS) -> Int[np.nd
     return np.unique(np.append(edges, time.size))
 
 
-def envelopes(time: Float[np.ndarray, " n"], load: Load, columns: int = COLUMNS) -> dict[str, Envelope]:
+def envelopes(
+    time: Float[np.ndarray, " n"],
+    least: Mapping[str, Float[np.ndarray, " n"]],
+    greatest: Mapping[str, Float[np.ndarray, " n"]],
+    columns: int = COLUMNS,
+) -> dict[str, Envelope]:
     """Least and greatest of every curve in each column of pixels.
 
     Args:
         time: s, increasing.
-        load: gives the curves of some rows.
+        least: of every curve at each time.
+        greatest: likewise; the same where each time has one value.
         columns: of pixels.
     """
     edges = edges_of(time, columns)
-    middle = 0.5 * (time[edges[:-1]] + time[edges[1:] - 1])
-    least: dict[str, list[np.ndarray]] = {}
-    greatest: dict[str, list[np.ndarray]] = {}
-    first = 0
-    while first < edges.size - 1:
-        last = max(first + 1, int(np.searchsorted(edges, edges[first] + BLOCK, side="right")) - 1)
-        begin, end = int(edges[first]), int(edges[last])
-        starts = edges[first:last] - begin
-        for name, values in load(begin, end).items():
-            least.setdefault(name, []).append(np.fmin.reduceat(values, starts))
-            greatest.setdefault(name, []).append(np.fmax.reduceat(values, starts))
-        first = last
-    return {name: Envelope(middle, np.concatenate(least[name]), np.concatenate(greatest[name])) for name in least}
+    starts, middle = edges[:-1], 0.5 * (time[edges[:-1]] + time[edges[1:] - 1])
+    return {
+        name: Envelope(middle, np.fmin.reduceat(values, starts), np.fmax.reduceat(greatest[name], starts))
+        for name, values in least.items()
+    }
 
 
 def load_of(columns: Mapping[str, np.ndarray]) -> Load:
@@ -78,7 +74,7 @@ def rows_view(
     first = max(int(np.searchsorted(time, start)) - 1, 0)
     last = max(min(int(np.searchsorted(time, end, side="right")) + 1, time.size), first + 1)
     kept = {name: values[first:last] for name, values in rows.items() if name != "time"}
-    return envelopes(time[first:last], load_of(kept), columns)
+    return envelopes(time[first:last], kept, kept, columns)
 
 
 def rows_of(file: h5py.File, name: str, first: int, last: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from seatrial.core.dataset_file import stored, text_of
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import SIMULATED
-from seatrial.dashboard.downsample import COLUMNS, Envelope, Load, envelopes, rows_of, rows_view
+from seatrial.dashboard.downsample import COLUMNS, Envelope, Load, envelopes, load_of, rows_of, rows_view
 from seatrial.dashboard.view_models import RecordAbout
 
 BLOCK_ROWS = 512
@@ -82,19 +82,8 @@ def view_of(index: Index, load: Load, start: float, end: float, columns: int) ->
     high = max(int(np.searchsorted(index.time, end, side="right")), low + 1)
     if high - low > 2 * columns:  # a column of pixels holds two blocks or more
         low, high = max(low - 1, 0), min(high + 1, index.time.size)
-        whole = envelopes(
-            index.time[low:high],
-            lambda a, b: {
-                f"{name}{end}": values[low + a : low + b]
-                for end, of in (("-", index.least), ("+", index.greatest))
-                for name, values in of.items()
-            },
-            columns,
-        )
-        return {
-            name: Envelope(whole[f"{name}-"].time, whole[f"{name}-"].least, whole[f"{name}+"].greatest)
-            for name in index.least
-        }
+        least, greatest = (load_of(one)(low, high) for one in (index.least, index.greatest))
+        return envelopes(index.time[low:high], least, greatest, columns)
     return rows_view(load(low * BLOCK_ROWS, min(high * BLOCK_ROWS + 1, index.rows)), start, end, columns)
 
 

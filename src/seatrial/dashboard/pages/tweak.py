@@ -47,7 +47,7 @@ _MOVED = """(e) => {
   const [slider, number] = row.querySelectorAll("input");
   if (e.target === (e.type === "input" ? number : slider)) return;
   if (e.type === "input") number.value = Number(Number(slider.value).toPrecision(12));
-  else slider.value = number.value;
+  else if (number.value !== "") slider.value = number.value;
   slider.setAttribute("aria-valuetext", number.value + " " + slider.dataset.unit);
   emit([slider.name, button ? null : number.value]);
 }"""

@@ -26,7 +26,7 @@ from seatrial.core.errors import InputError, NumericalError, located
 from seatrial.core.record import Record
 from seatrial.core.signals import OVER_GROUND, RATES
 from seatrial.estimation.prediction.lag_response import Lags, Run, fit_cubic, fit_lags
-from seatrial.estimation.prediction.prediction_scores import PredictedRun, Score, score_channel, unscored
+from seatrial.estimation.prediction.prediction_scores import PredictedRun, Score, score_channel
 
 VELOCITIES = (*RATES, *OVER_GROUND)  # Channels that a lag predicts
 # Controls that are taken to steer where a vehicle has them; otherwise the one that explains the yaw rate best.
@@ -91,14 +91,8 @@ class FittedBaseline:
         means = self.predict(record, start)[start:]
         scores = {}
         for channel, mean, noise_sd in zip(self.channels, means.T, self.noise_sd, strict=True):
-            measured = _measured(record, channel)[start:]
-            if np.isfinite(measured).any():
-                still = np.zeros(mean.size)
-                scores[channel] = score_channel(
-                    [PredictedRun(record.time[start:], measured, mean, still, float(noise_sd))]
-                )
-            else:
-                scores[channel] = unscored(0, "nothing was measured")
+            columns = record.time[start:], _measured(record, channel)[start:], mean, np.zeros(mean.size)
+            scores[channel] = score_channel([PredictedRun(*columns, float(noise_sd))])
         return scores
 
 
@@ -169,18 +163,11 @@ def noise_of(
     records: Sequence[Record], channels: Sequence[str], simulate: Callable[[Record, int], np.ndarray]
 ) -> Float[np.ndarray, " m"]:
     """Return the root mean square of what the simulation of the fitted runs leaves of each channel, SI, shape (m,)."""
-    squares, count, extent = np.zeros(len(channels)), np.zeros(len(channels)), np.zeros((2, len(channels)))
-    extent[0], extent[1] = np.inf, -np.inf
-    for record in records:
-        measured = np.column_stack([_measured(record, channel) for channel in channels])
-        left = measured - simulate(record, 0)
-        there = np.isfinite(left)
-        squares += np.where(there, left**2, 0.0).sum(0)
-        count += there.sum(0)
-        known = np.isfinite(measured)
-        extent[0] = np.minimum(extent[0], np.where(known, measured, np.inf).min(0))
-        extent[1] = np.maximum(extent[1], np.where(known, measured, -np.inf).max(0))
-    return np.maximum(np.sqrt(squares / count), SMALLEST * (extent[1] - extent[0]))
+    runs = [np.column_stack([_measured(record, channel) for channel in channels]) for record in records]
+    left = np.concatenate([run - simulate(record, 0) for run, record in zip(runs, records, strict=True)])
+    left, measured = np.where(np.isfinite(left), left, np.nan), np.concatenate(runs)
+    extent = np.nanmax(measured, 0) - np.nanmin(measured, 0)
+    return np.maximum(np.sqrt(np.nanmean(left**2, 0)), SMALLEST * extent)
 
 
 # What each of them is.
