@@ -33,18 +33,17 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         return tuple(map(stamp, (store.summary, store.report, *made)))
 
     async def show() -> None:
-        await (_results if store.summary.exists() else _before_a_choice)(context, campaign, folder)
+        if not store.summary.exists():
+            await _before_a_choice(context, campaign, folder)
+            return
+        await _currency(context, campaign, folder)
+        await _report(context, campaign, folder)
 
     await keep_current(ui.element("div"), seen, show)
 
 
-async def _results(context: AppContext, campaign: str, folder: Path) -> None:
-    """Show the report section by section, whatever has changed since it was written."""
-    await _currency(context, campaign, folder)
-    await _report(context, campaign, folder)
-
-
 async def _report(context: AppContext, campaign: str, folder: Path) -> None:
+    """Show the report section by section, whatever has changed since it was written."""
     store = Store(folder)
     asked = context.worker_pool.draw("report_sections", store.report, files=[store.report])
     await fill(ui.element("div"), asked, partial(_sections, campaign, folder), "reading the report …")

@@ -239,28 +239,21 @@ class TweakPage:
 def movable_html(one: Movable) -> Markup:
     """Return the row of a number: its name, a slider, a field, and the button that takes it back."""
     digits = Digits.of(one.best, one.sd)
-    stated = Markup("stated {:.5g} {}, taken as exact").format(one.best, unit_html(one.unit))
-    known = digits.pair(one.best, one.sd), digits.unit_html(one.unit)
-    known = Markup("{} {} {}").format("stated" if one.name == MASS else "best", *known) if one.sd else stated
+    known = Markup("stated {:.5g} {}, taken as exact").format(one.best, unit_html(one.unit))
+    if one.sd:
+        pair = digits.pair(one.best, one.sd), digits.unit_html(one.unit)
+        known = Markup("{} {} {}").format("stated" if one.name == MASS else "best", *pair)
     unit = "" if one.unit == "1" else one.unit
+    drawn = one._replace(value=one.shown(one.value), lower=one.shown(one.lower), upper=one.shown(one.upper))
     return Markup(
-        '<div class="movable"><span class="name">{symbol} <code>{name}</code></span>'
-        '<input type="range" name="{name}" aria-label="{name}, slider" aria-valuetext="{value} {unit}" data-unit="{unit}" min="{lower}" '
-        'max="{upper}" step="{step}" value="{value}"><input type="number" name="{name}" aria-label="{name} [{si}]" step="any" '
-        'value="{value}"><span class="unit">{unit_html}</span><button type="button" name="{name}" aria-label='
-        '"{name} back to the best value">↺</button><small class="note">{known}<span class="state"></span></small></div>'
-    ).format(
-        symbol=label_html(one.label),
-        name=one.name,
-        value=one.shown(one.value),
-        unit=unit,
-        si=one.unit,
-        unit_html=unit_html(unit),
-        lower=one.shown(one.lower),
-        upper=one.shown(one.upper),
-        step=one.step,
-        known=known,
-    )
+        '<div class="movable"><span class="name">{symbol} <code>{one.name}</code></span>'
+        '<input type="range" name="{one.name}" aria-label="{one.name}, slider" aria-valuetext="{one.value} {unit}" data-unit="{unit}" '
+        'min="{one.lower}" max="{one.upper}" step="{one.step}" value="{one.value}">'
+        '<input type="number" name="{one.name}" aria-label="{one.name} [{one.unit}]" step="any" value="{one.value}">'
+        '<span class="unit">{unit_html}</span>'
+        '<button type="button" name="{one.name}" aria-label="{one.name} back to the best value">↺</button>'
+        '<small class="note">{known}<span class="state"></span></small></div>'
+    ).format(one=drawn, symbol=label_html(one.label), unit=unit, unit_html=unit_html(unit), known=known)
 
 
 def panels_of(name: str, unit: str) -> tuple[Panel, Panel]:
