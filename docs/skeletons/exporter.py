@@ -9,21 +9,20 @@ This one writes every coefficient with its unit, a line each.
 from dataclasses import dataclass
 
 from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle
 
 
 @dataclass(frozen=True)
-class PlainText:
+class PlainText(Exporter):
     """Its fields beside the name and the target are options of the command line."""
 
     name: str = "plain"
     target: str = "plain text of coefficients 1.0"
 
     def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`: refuse what the target would make unstable."""
-        check_stable(vehicle, self.name)
+        """See `Exporter`: refuse what the target cannot hold, beside what no simulator survives."""
+        super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: the motion in the target, what is lost, and what is carried in another form."""

@@ -25,7 +25,12 @@ MISTAKES = {
     "a schedule without --trial": (["remus100_prestero", "--to", "gz", "--schedule", "next"], ["--schedule"]),
     "a trial of a published one": (["remus100_prestero", "--trial"], ["--trial", "no folder", "has no trials"]),
     "a structure with --trial": (["c", "--trial", "--structure", "M-1"], ["--structure", "--trial"]),
-    "an engine of another target": (["remus100_prestero", "--to", "csv", "--engine", "dart"], ["csv, engine", "gz"]),
+    "an engine of another target": (["remus100_prestero", "--to", "csv", "--engine", "dart"], ["csv, --engine", "gz"]),
+    "draws of another target": (["remus100_prestero", "--to", "gz", "--draws", "9"], ["gz, --draws", "control, draws"]),
+    "a decimal comma": (
+        ["remus100_prestero", "--to", "control", "--speeds", "1,5 m/s"],
+        ["--speeds", "separate speeds by spaces, or by commas with a space, and write 1.5"],
+    ),
     "a density without unit": (["remus100_prestero", "--to", "gz", "--density", "1025"], ["--density", "kg/m^3"]),
     "part of a vehicle": (
         ["remus100_surge", "--to", "gz"],
@@ -73,6 +78,18 @@ def test_campaign_is_exported_as_json_and_to_a_simulator(monkeypatch, capsys, tm
     code, out, _ = run(monkeypatch, capsys, "export", "c", "--to", "fossen", "--fill-from", "remus100_hall_anstee")
     assert code == Exit.OK
     assert results(tmp_path / "c" / "export") == ["fossen/remus_100_surge.py"]
+
+
+def test_linear_models_of_another_vehicle_leave_no_plot(monkeypatch, capsys, tmp_path):
+    """Each speed once, however its unit is written; what an export of this vehicle lacks and an earlier one left goes, the rest stays."""
+    for name in ("bode_yaw.svg", "bode_roll.svg"):
+        (tmp_path / name).write_text("of another vehicle")
+    command = ["export", "remus100_surge", "--to", "control", "--out", str(tmp_path), "--speeds", "1 m/s, 1 m/s 1.5m/s"]
+    code, out, _ = run(monkeypatch, capsys, *command)
+    assert code == Exit.OK
+    assert [line.split(",")[0] for line in out.splitlines() if line.startswith("at ")] == ["at 1 m/s", "at 1.5 m/s"]
+    assert "loss in predicted motion: none of first order about each trim" in out
+    assert {path.name for path in tmp_path.iterdir() if path.suffix == ".svg"} == {"bode_surge.svg", "bode_roll.svg"}
 
 
 def test_an_unhealthy_estimate_is_an_alarm(monkeypatch, capsys, tmp_path):

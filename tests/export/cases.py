@@ -180,6 +180,8 @@ def own_rates(vehicle: ExportedVehicle, state, control) -> np.ndarray:
 
 def text_of(path: Path) -> str:
     """What can be read in a file; of an archive in all of its members."""
+    if path.suffix == ".npz":
+        return str(np.load(path)["about"])
     if not zipfile.is_zipfile(path):
         return path.read_bytes().decode(errors="replace")
     with zipfile.ZipFile(path) as archive:

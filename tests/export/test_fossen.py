@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seatrial.export.targets.fossen import Fossen, _limit, controls_of, scales_of
+from seatrial.export.targets.fossen import Fossen, controls_of
 from tests.export.cases import (
     assert_equal,
     commanded,
@@ -92,7 +92,7 @@ def test_accelerations_are_ours(name, tmp_path):
     mass = vehicle.rigid_mass + vehicle.added_mass
     assert_equal(mass @ np.array(out["rates"]).T, own_force(vehicle, nu, phi, theta, controls))
     assert out["dimU"] == len(order)
-    assert "Axes: forward, starboard, down" in out["doc"]
+    assert "Body axes forward, starboard and down" in out["doc"]
 
 
 def test_a_step_holds_limits_lags_and_current(tmp_path):
@@ -114,22 +114,13 @@ def test_a_step_holds_limits_lags_and_current(tmp_path):
     np.testing.assert_allclose(after, np.array(nu) + 0.02 * rate, rtol=1e-10)
 
 
-def test_limits_in_the_simulator_s_units():
-    """Revolutions a minute; a control of contrary sign changes the ends of its limits; what is unknown has none."""
-    vehicle = rich()
-    scales = scales_of(vehicle)
-    assert scales == {"delta_r": -1.0, "delta_s": 1.0, "n": pytest.approx(np.pi / 30)}
-    limits = {
-        name: [_limit(vehicle, name, scales[name], key) for key in ("lower", "upper", "rate", "time_constant")]
-        for name in scales
-    }
-    assert limits["n"] == pytest.approx([0.0, 157 * 30 / np.pi, 60 * 30 / np.pi, 0.5])
-    assert limits["delta_r"] == pytest.approx([-0.25, 0.2, 1.0, 0.1])
-    assert limits["delta_s"] == pytest.approx([-0.2, 0.2, np.inf, 0.0])
-    bare = replace(vehicle, actuators={})
-    assert [_limit(bare, "n", 0.1, key) for key in ("lower", "upper", "rate", "time_constant")] == [
-        -np.inf,
-        np.inf,
-        np.inf,
-        0.0,
-    ]
+def test_a_vehicle_without_actuators_follows_at_once_and_an_absent_rudder_has_no_effect(tmp_path):
+    vehicle = replace(rich(), actuators={})
+    gone = [name for name in vehicle.coefficients if name.endswith("delta_r")]
+    bare = replace(vehicle, coefficients={k: x for k, x in vehicle.coefficients.items() if k not in gone})
+    pose, nu, wanted = [0.0] * 6, [1.2, 0.1, 0.0, 0.0, 0.0, 0.1], [9.0, -2.0, 9000.0]
+    out = ran(bare, tmp_path, steps=[[pose, nu, [0.0, 0.0, 0.0], one] for one in (wanted, [0.0, *wanted[1:]])])
+    (after, controls), (same, _) = out["steps"]
+    np.testing.assert_allclose(controls, wanted)
+    assert after == same
+    assert out["scale"] == [1.0, 1.0, pytest.approx(np.pi / 30)]

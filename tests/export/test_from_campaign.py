@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from seatrial.campaign.config.load import load_campaign
-from seatrial.campaign.store.stored_result import SEAL, Store, write_stamped_json
+from seatrial.campaign.data.simulate import record_keys
+from seatrial.campaign.store.stored_result import SEAL, Store, write_dataset, write_stamped_json
+from seatrial.core.dataset import Dataset
 from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.export import manoeuvre
 from seatrial.export.from_campaign import export_to, of_campaign
+from seatrial.export.reading import read_exported
 from seatrial.export.targets.own_json import OwnJson
 from seatrial.export.write import of_catalogue, state
 from seatrial.messages.structures import QUOTED
@@ -72,6 +75,18 @@ def test_the_largest_estimated_current_goes_with_the_vehicle(tmp_path):
     vehicle, provenance = of_campaign(folder)
     assert provenance.current == pytest.approx(0.3, rel=0.1)
     assert not any("current" in name for name in vehicle.estimated.names)
+
+
+def test_the_speeds_of_the_fitted_records_go_with_the_vehicle(tmp_path):
+    folder = finished(tmp_path / "c")
+    assert of_campaign(folder)[1].speeds is None
+    ((label, key),) = record_keys(load_campaign(folder)).items()
+    speed = np.append(np.linspace(0.5, 1.5, 1001), np.nan)
+    write_dataset(Store(folder).record(label), Dataset({"u": ("time", speed)}), key)
+    _, provenance = of_campaign(folder)
+    assert provenance.speeds == (pytest.approx(0.51), pytest.approx(1.49))
+    _, (path,) = export_to(folder, "json", tmp_path / "out")
+    assert read_exported(path)[1].speeds == provenance.speeds
 
 
 def test_another_structure_says_what_it_drops(tmp_path):

@@ -25,6 +25,7 @@ DRAWS = 256  # Draws if no other number is asked for
 MOST_DRAWS = 10_000
 SET_PROBABILITY = 0.9  # Of the ellipsoid
 OUTSIDE = "bounds of the priors"
+OF_ONE_MODEL = "the draws and every ± are of the chosen model only, although the data do not decide between models"
 NOT_INFORMED = 0.9  # Share of the prior's standard deviation from which the data did not inform a coefficient
 _MAX_TRIES = 20  # Draws that are tried for each one that is wanted
 
@@ -162,6 +163,7 @@ def ensemble_lines(vehicle: ExportedVehicle, ensemble: Ensemble) -> tuple[str, .
         "randomise, as standard deviations:",
         *(f"  {_width_words(vehicle, width)}" for width in widths_of(vehicle.estimated)),
     ]
+    lines += [f"caution: {OF_ONE_MODEL}"] if vehicle.estimated.quoted == "averaged" else []
     known = [name for name in vehicle.coefficients if name not in ensemble.names]
     lines += [f"not in the draws, because they were not estimated: {' '.join(known)}"] if known else []
     return (
@@ -181,7 +183,9 @@ def _width_words(vehicle: ExportedVehicle, width: Width) -> str:
         words += f", not by {_share(width.prior_sd, width.value)} as before the data"
     averaged = [one for one in vehicle.estimated.averaged if one.name == width.name]
     if vehicle.estimated.quoted == "averaged" and averaged:
-        words += f"; averaged over all models {averaged[0].mean:.4g} ± {averaged[0].sd:.2g}"
+        words += (
+            f"; over all models the mean is {averaged[0].mean:.4g}, the standard deviation {averaged[0].sd:.2g} {unit}"
+        )
     return words
 
 

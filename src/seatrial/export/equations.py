@@ -7,9 +7,10 @@ The source is arithmetic on scalars, with sin, cos, tan, fmin and fmax from the 
 Hydrodynamics and Motion Control, 2nd ed., 2021, eqs. (2.40), (3.56), (6.43) and (8.1) to (8.4).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from textwrap import indent
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,14 +21,12 @@ from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import number
 from seatrial.vehicles.actuators import Actuator, lags_of
 from seatrial.vehicles.hull import AXES, added_mass_entry
-from seatrial.vehicles.thrusters import controls_of
 
 STATES = (*RATES, *POSITIONS, *ANGLES)  # Before those of lagging actuators
 CONVENTIONS = (
     "SI and radians. Body axes forward, starboard and down; positions north, east and down; phi, theta, psi are roll, pitch and",
     "heading (Euler angles, singular at a pitch of 90 degrees). u v w p q r are velocities through the water.",
 )
-Values = Mapping[str, str]  # Source of each coefficient and number, by name
 
 
 def check_mass(vehicle: ExportedVehicle, target: str) -> None:
@@ -52,62 +51,20 @@ def check_mass(vehicle: ExportedVehicle, target: str) -> None:
         )
 
 
-def axis_sum(vehicle: ExportedVehicle, axis: str, values: Values) -> str:
-    """Return the statement that sums the named terms of an axis, and the thrust of one propeller on it."""
-    hull, names = vehicle.hull, [CoefficientName.parse(name) for name in vehicle.forces]
-    products = [_product(values[one.text], one, regressor(one, hull.trim)) for one in names if one.axis == axis]
-    if axis == "X" and not vehicle.thrusters:
-        share, inflow = number(1.0 - hull.thrust_deduction), {"u": f"({number(1.0 - hull.wake)} * u)"}
-        products += [
-            _product(f"{share} * {values[one.text]}", one, regressor(one, hull.trim, inflow), values[one.text])
-            for one in names
-            if one.axis == "T"
-        ]
-    return f"{axis} = (\n    0.0\n" + "".join(f"    + {product}\n" for product in products) + ")"
-
-
-def thrust_of(vehicle: ExportedVehicle, place: int, values: Values, library: str = "") -> tuple[list[str], str]:
-    """Return statements about one of several thrusters, and the expression of its thrust before the deduction, N.
+def python_module(
+    template: str, vehicle: ExportedVehicle, lines: Iterable[str], notes: Iterable[str], **parts: str
+) -> str:
+    """Return a template with its docstring, the equations, and a text for each other of its @NAMES@.
 
     Args:
-        vehicle: with thrusters.
-        place: of the thruster, from 1; its control is a variable, and `inflow` where `needs_inflow`.
-        values: source of coefficients and numbers.
-        library: before fmin and fmax, such as `np.`.
+        template: source of a module.
+        vehicle: whose equations these are.
+        lines: of the docstring, above those of `state_lines`.
+        notes: below them.
+        parts: texts by name.
     """
-    hull, law, lines = vehicle.hull, vehicle.thrust_law, []
-    thrust = [one for one in map(CoefficientName.parse, vehicle.forces) if one.axis == "T"]
-    control = controls_of(vehicle.thrusters, thrust)[place - 1]
-    letter = control[0]
-    if f"dead_{letter}" in law:
-        dead = values[f"dead_{letter}"]
-        beyond = f"{library}fmax({control} - {dead}, 0.0) + {library}fmin({control} + {dead}, 0.0)"
-        lines.append(f"{control} = {beyond}")
-    push, names = control, {"n": f"n_{place}", "f": f"f_{place}", "u": "inflow"}
-    if thrust:
-        push = "(" + " + ".join(f"{values[one.text]} * {regressor(one, hull.trim, names)}" for one in thrust) + ")"
-    for gain in (f"gain_{control}", f"gain_{letter}"):
-        push = f"{values[gain]} * {push}" if gain in law else push
-    if f"reverse_{letter}" in law:
-        lines.append(f"push = {push}")
-        push = f"({library}fmax(push, 0.0) + {values[f'reverse_{letter}']} * {library}fmin(push, 0.0))"
-    return lines, push
-
-
-def needs_inflow(vehicle: ExportedVehicle) -> bool:
-    """Return whether thrusters have terms of thrust, which may depend on the water that they meet."""
-    return bool(vehicle.thrusters) and any(CoefficientName.parse(name).axis == "T" for name in vehicle.forces)
-
-
-def inflow_row(vehicle: ExportedVehicle, place: int) -> list[float]:
-    """Return the factors of the velocities in a thruster's inflow, before the wake."""
-    thruster = vehicle.thrusters[place - 1]
-    return [*thruster.column[:3], *np.cross(thruster.place, thruster.column[:3])]
-
-
-def regressor(name: CoefficientName, trim: Mapping[str, float], names: Mapping[str, str] | None = None) -> str:
-    """Return the product of signals that a coefficient multiplies; `names` has the source of signals with another name."""
-    return " * ".join(_factor(factor, trim, names or {}) for factor in name.factors) or "1.0"
+    doc = "\n".join(map(docstring_line, [*lines, "", *state_lines(vehicle), *notes]))
+    return _filled(template, {"DOC": doc, "SOURCE": source_of(vehicle), **parts})
 
 
 def docstring_line(line: str) -> str:
@@ -196,42 +153,63 @@ def source_of(vehicle: ExportedVehicle) -> str:
         "ACTING": _listed(name + ACTUAL * (name in lagging(vehicle)) for name in controls),
         "FOLLOWING": _listed(_following(vehicle, name) for name in lagging(vehicle)),
     }
-    text = _SOURCE
+    return _filled(_SOURCE, parts)
+
+
+def _filled(template: str, parts: Mapping[str, str]) -> str:
+    """Return a template with a text for each name; the line of one whose text is empty goes."""
     for key, value in parts.items():
-        text = text.replace(f"@{key}@", value) if value else text.replace(f"@{key}@\n", "")
-    return text
+        template = template.replace(f"@{key}@", value) if value else template.replace(f"@{key}@\n", "")
+    return template
 
 
 def _force_lines(vehicle: ExportedVehicle) -> Iterable[str]:
     """Yield the sum of each axis, and the thrusters."""
-    values = {name: name for name in parameters_of(vehicle)}
+    hull, named = vehicle.hull, [CoefficientName.parse(name) for name in vehicle.forces]
+    share, wake = number(1.0 - hull.thrust_deduction), number(1.0 - hull.wake)
+    thrust = [one for one in named if one.axis == "T"]
     for axis in AXES:
-        yield axis_sum(vehicle, axis, values)
-    share = 1.0 - vehicle.hull.thrust_deduction
-    thrust = [one for one in map(CoefficientName.parse, vehicle.forces) if one.axis == "T"]
-    commands = controls_of(vehicle.thrusters, thrust)
-    pushing = controls_of(vehicle.thrusters, thrust, vehicle.moves)
-    for place, thruster in enumerate(vehicle.thrusters, 1):
-        if commands[place - 1] not in pushing:
-            continue
-        if needs_inflow(vehicle):
-            wake = number(1.0 - vehicle.hull.wake)
-            yield f"inflow = {wake} * ({_weighted(inflow_row(vehicle, place), RATES)})"
-        before, push = thrust_of(vehicle, place, values)
-        yield from before
-        yield f"thrust = {number(share)} * {push}"
+        terms = [f"{one} * {_regressor(one, hull.trim)}" for one in named if one.axis == axis]
+        if axis == "X" and not vehicle.thrusters:
+            terms += [f"{share} * {one} * {_regressor(one, hull.trim, {'u': f'({wake} * u)'})}" for one in thrust]
+        yield f"{axis} = (\n    0.0\n" + "".join(f"    + {term}\n" for term in terms) + ")"
+    for place, thruster, control in vehicle.acting_thrusters:
+        if thrust:
+            inflow = [*thruster.column[:3], *np.cross(thruster.place, thruster.column[:3])]
+            yield f"inflow = {wake} * ({_weighted(inflow, RATES)})"
+        yield from _thrust_lines(vehicle, place, control, thrust)
         yield from (
             f"{axis} = {axis} + {number(x)} * thrust" for axis, x in zip(AXES, thruster.column, strict=True) if x
         )
+
+
+def _thrust_lines(
+    vehicle: ExportedVehicle, place: int, control: str, thrust: Sequence[CoefficientName]
+) -> Iterable[str]:
+    """Yield the statements that give the thrust of one of several thrusters, with the deduction, N; `inflow` is a variable."""
+    law, letter, push = vehicle.thrust_law, control[0], control
+    if f"dead_{letter}" in law:
+        yield f"{control} = fmax({control} - dead_{letter}, 0.0) + fmin({control} + dead_{letter}, 0.0)"
+    if thrust:
+        names = {letter: control, "u": "inflow"}
+        push = "(" + " + ".join(f"{one} * {_regressor(one, vehicle.hull.trim, names)}" for one in thrust) + ")"
+    for gain in (f"gain_{control}", f"gain_{letter}"):
+        push = f"{gain} * {push}" if gain in law else push
+    if f"reverse_{letter}" in law:
+        yield f"push = {push}"
+        push = f"(fmax(push, 0.0) + reverse_{letter} * fmin(push, 0.0))"
+    yield f"thrust = {number(1.0 - vehicle.hull.thrust_deduction)} * {push}"
 
 
 def _weighted(factors: Iterable[float], names: Iterable[str]) -> str:
     return " + ".join(f"{number(x)} * {name}" for x, name in zip(factors, names, strict=True) if x) or "0.0"
 
 
-def _product(value: str, name: CoefficientName, factors: str, plain: str = "") -> str:
-    """Return a term; its name stands behind it where a number stands for the coefficient."""
-    return f"{value} * {factors}" + ("" if (plain or value) == name.text else f"  # {name}")
+def _regressor(
+    name: CoefficientName, trim: Mapping[str, float], names: Mapping[str, str] = MappingProxyType({})
+) -> str:
+    """Return the product of signals that a coefficient multiplies; `names` has the source of signals with another name."""
+    return " * ".join(_factor(factor, trim, names) for factor in name.factors) or "1.0"
 
 
 def _factor(factor: Factor, trim: Mapping[str, float], names: Mapping[str, str]) -> str:
@@ -305,6 +283,12 @@ def limited(control):
 @CONTROL@
 @LIMITS@
     return @NAMES@
+
+
+def followed(control):
+    """What lagging actuators do that have followed these commands: their part of the state where a simulation begins."""
+    wanted = limited(control)
+    return [wanted[i] for i in LAGGING]
 
 
 def actuate(actual, control, parameters):

@@ -22,6 +22,7 @@ from seatrial.campaign.store.summary import Summary
 from seatrial.campaign.workflow.steps import NotCurrent, Workflow
 from seatrial.core.argument_checks import check_kind, check_path
 from seatrial.core.coefficients import CoefficientName, is_coefficient
+from seatrial.core.dataset_file import open_dataset
 from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import RATES
 from seatrial.estimation.posterior.configurations import names_in
@@ -197,7 +198,18 @@ def _alone(
         ),
         estimate.alarms,
         float(np.abs(estimate.draws(names).mean(0)).max()) if names else 0.0,
+        _fitted_speeds(campaign),
     )
+
+
+def _fitted_speeds(campaign: Campaign) -> tuple[float, float] | None:
+    """Return between which speeds ahead, m/s, 98 % of the measured ones of the fitted records lie; None without a measured one."""
+    fitted = None if campaign.imports is None else campaign.imports.fit
+    records = [one.path for one in Workflow(campaign).stored("trials") if fitted is None or one.path.stem in fitted]
+    measured = [data["u"].values for data in map(open_dataset, records) if "u" in data.data_vars]
+    speeds = np.concatenate([np.zeros(0), *measured])
+    speeds = speeds[np.isfinite(speeds)]
+    return (float(np.quantile(speeds, 0.01)), float(np.quantile(speeds, 0.99))) if speeds.size else None
 
 
 def _with_rest(

@@ -7,11 +7,11 @@ Derivatives are exact, by forward differentiation; a lag is d(act)/dt = (c - act
 K. Nomoto et al., On the steering qualities of ships, International Shipbuilding Progress 4 (1957).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -22,6 +22,7 @@ from seatrial.core.signals import ACTUAL, RATES, signal_unit
 from seatrial.export.ensemble import Ensemble
 from seatrial.export.manoeuvre import DEFAULT_SPEED
 from seatrial.export.vehicle import ExportedVehicle
+from seatrial.vehicles.linearise import slopes_and_rates
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation
 from seatrial.vehicles.whole import whole_vehicle
@@ -38,12 +39,8 @@ _AXIS = {"u": 0, "r": 5, "theta": 4, "phi": 3}  # Of the force of thrusters that
 # Unknowns of a trim beside the controls, the fewest first.
 _FREE = ((), ("phi", "theta"), ("phi", "theta", "v", "w"))
 _STEPS, _SETTLED, _STEEPEST = 40, 1e-9, 1.0
+_NO_TURNS = 1e-2  # rad/s, below which a propeller stands still: thrust by n|n| leaves what the search does not see
 _FIRST_TURNS = 100.0  # rad/s, where the search for a propeller's speed starts: at 0 thrust has no slope
-_QUICK = {
-    "xla_backend_optimization_level": 0,
-    "xla_cpu_parallel_codegen_split_count": 1,
-    "xla_cpu_use_fusion_emitters": False,
-}  # Of the compiler: it is called few times, and better code takes it three times as long
 UNDETERMINED = 0.5  # Share of a pole above which its ± says that the data do not determine it
 _ROUNDING = 1e-9  # Share of a complex number below which a part of it is rounding
 _NO_ERROR = 1e-6  # Share of a pole below which no estimated coefficient moves it
@@ -95,15 +92,17 @@ class Part(NamedTuple):
 
 
 class Known(NamedTuple):
-    """A number of the mean vehicle, half the width of the central 68 % of the draws, and its unit.
+    """A number of the mean vehicle, half the width of the central 68 % of the draws, its unit, and what the draws say of it.
 
-    There is no ± without draws; it is 0 of a number that follows from published values only.
+    There is no ± without draws. The verdict is `published` for a number that follows from published values only, whose ± is 0, and
+    `undetermined` where ± is above half of the number, or of a pole from which it follows.
     """
 
     name: str
     value: complex
     sd: float | None
     unit: str
+    verdict: str
 
 
 @lru_cache(maxsize=4)
@@ -135,7 +134,7 @@ def usual_speeds(vehicle: ExportedVehicle) -> tuple[float, ...]:
     """Return half, the whole and one and a half of the trim speed; rest too for an open frame, which hovers; only rest without surge."""
     if "u" not in (*vehicle.moves, *vehicle.given):
         return (0.0,)
-    trim = vehicle.hull.trim.get("u", 1.0 if vehicle.thrusters else DEFAULT_SPEED)
+    trim = vehicle.hull.trim.get("u") or (1.0 if vehicle.thrusters else DEFAULT_SPEED)
     return (0.0, 0.5 * trim, trim) if vehicle.thrusters else (0.5 * trim, trim, 1.5 * trim)
 
 
@@ -180,30 +179,30 @@ def pole_names(a: Float[np.ndarray, "s s"], states: Sequence[str]) -> list[str]:
 
 def numbers_of(part: Part, ensemble_size: int) -> list[Known]:
     """Return poles, time constants and gain of a subsystem, and Nomoto's K and T of yaw by a rudder."""
-    rows, unit = [], f"{signal_unit(part.output)} per {input_unit(part.input)}"
-    about = (ensemble_size, part.is_estimated)
+    rows, modes, unit = [], [], f"{signal_unit(part.output)} per {input_unit(part.input)}"
+    known = partial(_known, ensemble_size, part.is_estimated)
     names, poles = pole_names(part.a[0], part.states), poles_of(part.a)
     upper = [i for i, pole in enumerate(poles[0]) if pole.imag >= 0]  # of two conjugate poles one
     for i in upper:
         label = names[i] + (f" {i + 1}" if [names[j] for j in upper].count(names[i]) > 1 else "")
-        rows.append(_known(f"pole of {label}", poles[:, i], "1/s", *about))
+        modes.append(known(f"pole of {label}", poles[:, i], "1/s"))
+        rows.append(modes[-1])
         size = poles[0, i].real
         if abs(size) > _ROUNDING * max(abs(poles[0, i]), 1e-6):
             time, sign = ("time constant", -1.0) if size < 0 else ("growth time", 1.0)
-            rows.append(_known(f"{time} of {label}", sign / np.real(poles[:, i]), "s", *about))
+            rows.append(known(f"{time} of {label}", sign / np.real(poles[:, i]), "s", modes[-1]))
     with np.errstate(invalid="ignore"):  # of draws without a trim
         determinant = np.linalg.det(part.a)
     if not part.input or abs(determinant[0]) < _SETTLED ** len(part.states):
         return rows
     gain = gains_of(part)
     if part.input != "delta_r" or not gain[0]:
-        return [*rows, _known(f"gain {part.output} by {part.input}", gain, unit, *about)]
-    rows.append(_known("Nomoto K", gain, unit, *about))
+        return [*rows, known(f"gain {part.output} by {part.input}", gain, unit, *modes)]
     at = part.states.index("r")
     # numerator b_r s + K det of the transfer function, with one state b_r
     lead = part.b[:, at] / (gain * determinant) if len(part.states) == 2 else np.zeros(len(gain))
     total = -np.trace(part.a, axis1=1, axis2=2) / determinant if len(part.states) == 2 else -1.0 / part.a[:, 0, 0]
-    return [*rows, _known("Nomoto T", total - lead, "s", *about)]
+    return [*rows, known("Nomoto K", gain, unit, *modes), known("Nomoto T", total - lead, "s", *modes)]
 
 
 def gains_of(part: Part) -> Float[np.ndarray, " m"]:
@@ -227,15 +226,6 @@ def responses(linear: LinearModel, part: Part, frequency: Float[np.ndarray, " f"
         solved = np.linalg.solve(1j * omega * np.eye(len(linear.states)) - linear.a[good], driven)
         result[good, i] = solved[:, linear.states.index(part.output), 0]
     return result
-
-
-def verdict(known: Known) -> str:
-    """Return `undetermined` for a number whose ± is above half of it, `published` for one of published values only, else nothing."""
-    if known.sd is None:
-        return ""
-    if known.sd == 0.0:
-        return "published"
-    return "undetermined" if known.sd > UNDETERMINED * abs(known.value) else ""
 
 
 def input_unit(name: str) -> str:
@@ -267,30 +257,10 @@ def _thrust_law(vehicle: ExportedVehicle) -> dict[str, float]:
     return {name: value for name, value in vehicle.thrust_law.items() if not name.startswith("dead_")}
 
 
-@lru_cache(maxsize=8)
-def _rates_and_slopes(model: VehicleModel) -> Callable[[dict, np.ndarray], tuple[Any, Any]]:
-    """Return a function of m vehicles and their points (m, d + c): slopes (m, d, d + c) and rates (m, d)."""
-    import jax
-    import jax.numpy as jnp
-
-    d = len(model.states)
-
-    def one(params: dict, point: Any) -> Any:
-        def rates(y: Any) -> Any:
-            result = model.derivative(params, tuple(y[:d]), tuple(y[d:]))
-            stacked = jnp.stack([jnp.asarray(value, float) for value in result])
-            return stacked, stacked
-
-        return jax.jacfwd(rates, has_aux=True)(point)
-
-    return jax.jit(jax.vmap(one), compiler_options=_QUICK)
-
-
 def _at_speed(
     vehicle: ExportedVehicle, model: VehicleModel, params: dict[str, np.ndarray], count: int, speed: float
 ) -> LinearModel:
     d, names = len(model.states), (*model.states, *model.controls)
-    evaluate = _rates_and_slopes(model)
     balanced = [model.states.index(name) for name in (*RATES, "z") if name in model.states]
     start = np.zeros((count, len(names)))
     for i, name in enumerate(names[d:], d):
@@ -301,7 +271,7 @@ def _at_speed(
     for equations in (balanced, balanced[1:] if model.states[0] == "u" else balanced):
         for more in _FREE:
             free = [i for i, name in enumerate(names) if (i >= d and name not in vehicle.given) or name in more]
-            points, slopes, rates = _settle(evaluate, params, start, equations, free)
+            points, slopes, rates = _settle(model, params, start, equations, free)
             good = np.abs(rates[:, equations]).max(1, initial=0.0) < _SETTLED
             if good[0] and np.abs(points[0, :d] - start[0, :d]).max() < _STEEPEST:
                 slopes[~good], points[~good] = np.nan, np.nan
@@ -316,13 +286,19 @@ def _at_speed(
 
 
 def _settle(
-    evaluate: Callable, params: dict, start: np.ndarray, equations: list[int], free: list[int]
+    model: VehicleModel, params: dict, start: np.ndarray, equations: list[int], free: list[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points at which rates vanish, by Newton steps of least length, with the slopes and rates there."""
     points = start.copy()
     for _ in range(_STEPS):
-        slopes, rates = map(np.array, evaluate(params, points))
+        slopes, rates = map(np.array, slopes_and_rates(model, params, points))
         if not free or np.abs(rates[:, equations]).max(initial=0.0) < 0.01 * _SETTLED:
+            still = [i for i, name in enumerate(model.controls, len(model.states)) if name[0] == "n" and i in free]
+            rest = points.copy()
+            rest[:, still] = np.where(np.abs(rest[:, still]) < _NO_TURNS, 0.0, rest[:, still])
+            if (rest != points).any():
+                points = rest
+                slopes, rates = map(np.array, slopes_and_rates(model, params, points))
             break
         step = np.linalg.pinv(np.nan_to_num(slopes[:, equations][:, :, free])) @ np.nan_to_num(
             rates[:, equations, None]
@@ -374,29 +350,30 @@ def _drive(
 ) -> tuple[str, Float[np.ndarray, " c"]] | None:
     """Return the name and direction of what drives an output: a control, or thrusters that push along or about one axis."""
     if vehicle.thrusters:
-        thrusters = [name for name in linear.inputs if name.rpartition("_")[2].isdigit()]
-        kind = thrusters[0].split("_")[0]
+        kind = vehicle.acting_thrusters[0][2][0]
         together = np.linalg.pinv(allocation(vehicle.thrusters))[:, _AXIS[output]]
         if not np.abs(allocation(vehicle.thrusters) @ together)[_AXIS[output]] > 0.5:
             return None
         together = together if kind == "f" else together / np.abs(together).max()
         direction = np.zeros(len(linear.inputs))
-        for name in thrusters:
-            direction[linear.inputs.index(name)] = together[int(name.rpartition("_")[2]) - 1]
+        for place, _, control in vehicle.acting_thrusters:
+            direction[linear.inputs.index(control)] = together[place - 1]
         axis = "XYZKMN"[_AXIS[output]]
         return (f"tau_{axis} of the thrusters" if kind == "f" else f"n of the thrusters along {axis}"), direction
     name = next((name for name in drives if name in linear.inputs), None)
     return None if name is None else (name, np.eye(len(linear.inputs))[linear.inputs.index(name)])
 
 
-def _known(name: str, values: np.ndarray, unit: str, ensemble_size: int, is_estimated: bool) -> Known:
+def _known(ensemble_size: int, is_estimated: bool, name: str, values: np.ndarray, unit: str, *modes: Known) -> Known:
+    """Return a number with its ±, which is as undetermined as the modes from which the number follows."""
     finite = values[1:][np.isfinite(values[1:])]
-    spread = None
+    value, spread, verdict = complex(values[0]), None, ""
     if ensemble_size:
         low, high = np.quantile(np.real(finite), (0.16, 0.84)) if finite.size else (np.nan, np.nan)
         spread = float(high - low) / 2
-    value = complex(values[0])
-    if spread is not None and (not is_estimated or spread < _NO_ERROR * abs(value)):
-        spread = 0.0
+        if not is_estimated or spread < _NO_ERROR * abs(value):
+            spread, verdict = 0.0, "published"
+        elif spread > UNDETERMINED * abs(value) or any(mode.verdict == "undetermined" for mode in modes):
+            verdict = "undetermined"
     real, imag = (part if abs(part) > _ROUNDING * abs(value) else 0.0 for part in (value.real, value.imag))
-    return Known(name, complex(real, imag), spread, unit)
+    return Known(name, complex(real, imag), spread, unit, verdict)

@@ -17,7 +17,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import RATES
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.hull import AXES
-from seatrial.vehicles.thrusters import beyond_dead_zone, controls_of, real_thrust
+from seatrial.vehicles.thrusters import beyond_dead_zone, real_thrust
 
 Velocity = Float[np.ndarray, "6 *n"]
 # (velocities through the water, roll, pitch, controls) to accelerations through it, SI; a current may be among the
@@ -58,10 +58,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     thrust = [(name, value) for name, value in named if name.axis == "T"]
     acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
-    righting, terms = np.array(hull.righting), [name for name, _ in thrust]
-    commands = controls_of(vehicle.thrusters, terms)
-    pushing = controls_of(vehicle.thrusters, terms, vehicle.moves)
-    law = vehicle.thrust_law
+    righting, law = np.array(hull.righting), vehicle.thrust_law
 
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
@@ -74,10 +71,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
         if not vehicle.thrusters and thrust:
             local = {**known, "u": inflow * known["u"]}
             result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
-        for number, thruster in enumerate(vehicle.thrusters, 1):
-            control = commands[number - 1]
-            if control not in pushing:
-                continue
+        for _, thruster, control in vehicle.acting_thrusters:
             push = beyond_dead_zone(law, control, controls[control])
             if thrust:
                 local = {**known, control[0]: push, "u": inflow * thruster.inflow(tuple(nu))}

@@ -185,9 +185,15 @@ def _provenance(path: Path, content: dict[str, Any]) -> ExportProvenance:
     try:
         table = content["provenance"]
         lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
-        current = _number(table.get("current", 0.0))
+        current, speeds = _number(table.get("current", 0.0)), table.get("speeds")
         return ExportProvenance(
-            table["run"], table["title"], table["structure"], table["seatrial"], **lists, current=current
+            table["run"],
+            table["title"],
+            table["structure"],
+            table["seatrial"],
+            **lists,
+            current=current,
+            speeds=speeds and (_number(speeds[0]), _number(speeds[1])),
         )
     except (KeyError, TypeError, ValueError) as cause:
         raise _refusal(path, f"no provenance ({cause})") from cause

@@ -4,12 +4,14 @@ An exporter is a frozen dataclass whose other fields are the target's options: d
 `EXPORTERS` of write.py puts it into the conformance test. One of another package needs an entry point of the group `seatrial.exporters`.
 """
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
-from seatrial.export.motion import Motion
+from seatrial.export.motion import Motion, motion_of
+from seatrial.export.stability import check_stable
 from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance
 from seatrial.vehicles.actuators import Actuator
 
@@ -23,6 +25,7 @@ class Carried(NamedTuple):
         changed: what it carries in another form, in words.
         actuators: lags, rates and limits that it has, by control; a control without one acts at once.
         reversed: controls whose command in the target is minus the vehicle's, since the target's own convention has them so.
+        holds: where it keeps the motion if it does so near some states only, in words; empty for a target that keeps it everywhere.
     """
 
     motion: Motion
@@ -30,6 +33,7 @@ class Carried(NamedTuple):
     changed: tuple[str, ...] = ()
     actuators: Mapping[str, Actuator] = MappingProxyType({})
     reversed: tuple[str, ...] = ()
+    holds: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ class Statement(NamedTuple):
         target: name and version.
         provenance: where the vehicle comes from.
         carried: what the target keeps.
-        loss: by velocity, in the standard manoeuvre; a target that runs away has infinite ones.
+        loss: by velocity, in the standard manoeuvre; a target that runs away has infinite ones, one that keeps the motion has none.
         manoeuvre: the standard manoeuvre in words.
         lines: all of it as text.
         growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
@@ -68,21 +72,21 @@ class Statement(NamedTuple):
     estimated: CoefficientEstimates = CoefficientEstimates()
 
 
-class Exporter(Protocol):
-    """One target.
+@dataclass(frozen=True)
+class Exporter(ABC):
+    """One target; what it does not say otherwise is that of a target that keeps every vehicle as it is.
 
-    It may also have `takes_unknown_mass`, if its numbers do not need the mass, and `notes(vehicle)`, further lines of its statement.
+    Attributes:
+        name: after `--to`.
+        target: the target and the version its format was read from.
+        takes_unknown_mass: whether its numbers do not need the mass.
+        sometimes: names of files that it has of some vehicles only; where an earlier export into the same folder left one, it is removed.
     """
 
-    @property
-    def name(self) -> str:
-        """Name after `--to`."""
-        ...
-
-    @property
-    def target(self) -> str:
-        """The target and the version its format was read from."""
-        ...
+    name: str = ""
+    target: str = ""
+    takes_unknown_mass: ClassVar[bool] = False
+    sometimes: ClassVar[tuple[str, ...]] = ()
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """Refuse a vehicle that the target cannot hold or would make unstable.
@@ -90,12 +94,16 @@ class Exporter(Protocol):
         Raises:
             InputError: names the coefficient, its value and the remedy.
         """
-        ...
+        check_stable(vehicle, self.name)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """Return what the target keeps of the vehicle."""
-        ...
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
+    def notes(self, vehicle: ExportedVehicle, provenance: ExportProvenance) -> Sequence[str]:
+        """Return further lines of the statement."""
+        return ()
+
+    @abstractmethod
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> Mapping[str, str | bytes]:
         """Return texts, or bytes of binary files, by file name; each repeats the statement."""
-        ...

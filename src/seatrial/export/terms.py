@@ -116,6 +116,8 @@ def actuator_losses(vehicle: ExportedVehicle, kept: Mapping[str, Actuator]) -> t
     """Return the lags, rates and limits that the target's actuators do not have, in words."""
     results = []
     for name, own in vehicle.actuators.items():
+        if name not in vehicle.controls:
+            continue
         target = kept.get(name, Actuator(0.0))
         parts = [f"lag {own.time_constant:g} s"] if target.time_constant != own.time_constant else []
         factor, unit = shown_unit(name)

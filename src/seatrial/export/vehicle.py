@@ -21,7 +21,7 @@ from seatrial.vehicles.actuators import Actuator, lags_of
 from seatrial.vehicles.catalogue import PublishedVehicle, load_vehicle, vehicle_names
 from seatrial.vehicles.hull import Hull, added_mass_matrix, floating_unknowns, rigid_mass_matrix
 from seatrial.vehicles.model import VehicleModel
-from seatrial.vehicles.thrusters import Thruster
+from seatrial.vehicles.thrusters import Thruster, acting_thrusters
 from seatrial.vehicles.whole import whole_vehicle
 
 CONFIGURATION = "--configuration"  # The option that names the configuration of the vehicle whose values are exported
@@ -102,6 +102,7 @@ class ExportProvenance:
         sources: where the rest comes from, in words.
         cautions: what the estimate's own checks complain about.
         current: largest that was estimated beside the coefficients, m/s.
+        speeds: between which 98 % of the speeds ahead in the fitted records lie, m/s; None if none was measured.
     """
 
     run: str
@@ -113,6 +114,7 @@ class ExportProvenance:
     sources: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     current: float = 0.0
+    speeds: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +189,11 @@ class ExportedVehicle:
         return {
             name: value for name, value in self.coefficients.items() if not CoefficientName.parse(name).is_added_mass
         }
+
+    @cached_property
+    def acting_thrusters(self) -> list[tuple[int, Thruster, str]]:
+        """Place, from 1, and control of each of several thrusters that push along or about a velocity that moves."""
+        return acting_thrusters(self.thrusters, [CoefficientName.parse(name) for name in self.forces], self.moves)
 
     @cached_property
     def controls(self) -> tuple[str, ...]:

@@ -1,9 +1,10 @@
 """Writing an export: the exporter by the name that `--to` takes, the vehicle checked first, then every file whole, or none."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from seatrial.core.argument_checks import check_number
 from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.files import write_bytes, write_text
 from seatrial.core.signals import RATES
-from seatrial.export.manoeuvre import ManoeuvrePlan, changes, command_line, growth_rate, plan_for, run_manoeuvre
+from seatrial.export.manoeuvre import changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, MotionChange, Statement
 from seatrial.export.targets.casadi_module import CasadiModule
@@ -34,7 +35,6 @@ from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 # What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
 # lost.
 
-_PARTS = ("name", "target", "check", "carries", "write")  # Of every exporter
 _SLOW_GROWTH = 0.05  # Growth, 1/s, below which nothing grows much in the manoeuvre
 _ROUNDING_SHARE = 1e-9  # Share of a velocity's range, or m/s and rad/s, below which a difference is rounding
 GROUP = "seatrial.exporters"  # Entry points by which other packages add exporters
@@ -64,17 +64,26 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
     """
     carried, own = carried_by(exporter, vehicle), motion_of(vehicle)
     plan = plan_for(vehicle, own)
-    before = run_manoeuvre(own, vehicle.actuators, plan)
-    same = not (carried.lost or carried.changed) or (carried.motion is own and carried.actuators == vehicle.actuators)
-    after = before if same else run_manoeuvre(carried.motion, carried.actuators, plan)
-    loss = changes(vehicle, before, after)
-    drifted = _loss_in_current(vehicle, carried, plan, provenance.current)
+    kept = bool(carried.holds) or (carried.motion is own and carried.actuators == vehicle.actuators)
+
+    def lost_in(current: float) -> tuple[MotionChange, ...]:
+        """Return the changes of the velocities through the water, in a current to the east."""
+        sides = ((own, vehicle.actuators), (carried.motion, carried.actuators))
+        return () if kept else changes(vehicle, *(run_manoeuvre(*side, plan, (0.0, current, 0.0)) for side in sides))
+
     result = Statement(
-        exporter.target, provenance, carried, loss, plan.words, (), growth_rate(own, plan), drifted, vehicle.estimated
+        exporter.target,
+        provenance,
+        carried,
+        lost_in(0.0),
+        plan.words,
+        (),
+        growth_rate(own, plan),
+        lost_in(provenance.current) if provenance.current else None,
+        vehicle.estimated,
     )
     lines = _lines(vehicle, result, command_line(vehicle, carried, plan))
-    notes = exporter.notes(untethered(vehicle)) if hasattr(exporter, "notes") else ()  # pyright: ignore[reportAttributeAccessIssue]
-    return result._replace(lines=(*lines, *notes))
+    return result._replace(lines=(*lines, *exporter.notes(untethered(vehicle), provenance)))
 
 
 def carried_by(exporter: Exporter, vehicle: ExportedVehicle) -> Carried:
@@ -121,6 +130,9 @@ def export_vehicle(
     if announce is not None:
         announce(statement)
     files = exporter.write(untethered(vehicle), statement)
+    for name in exporter.sometimes:
+        if name not in files:
+            (folder / name).unlink(missing_ok=True)
     for name, content in files.items():
         write_bytes(folder / name, content) if isinstance(content, bytes) else write_text(folder / name, content)
     return statement, [folder / name for name in files]
@@ -128,7 +140,7 @@ def export_vehicle(
 
 def check_exportable(exporter: Exporter, vehicle: ExportedVehicle) -> None:
     """Refuse a vehicle that a target cannot hold; raises as `Exporter.check`, and for an unknown mass that the target needs."""
-    if vehicle.hull.mass is None and not getattr(exporter, "takes_unknown_mass", False):
+    if vehicle.hull.mass is None and not exporter.takes_unknown_mass:
         raise InputError(
             f'vehicle "{vehicle.name}", export to {exporter.name}',
             found="an unknown mass: every coefficient is per unit of an effective mass or inertia",
@@ -143,8 +155,13 @@ def exporter_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*EXPORTERS, *(one.name for one in entry_points(group=GROUP)))))
 
 
-def make_exporter(name: str, **options: Any) -> Exporter:
+def make_exporter(name: str, shown: Mapping[str, str] = MappingProxyType({}), **options: Any) -> Exporter:
     """Build an exporter; options that are None keep the target's own.
+
+    Args:
+        name: of the target.
+        shown: what errors call an option that a user knows by another name.
+        options: of the target.
 
     Raises:
         InputError: no target of that name, or an option that it does not have.
@@ -153,18 +170,21 @@ def make_exporter(name: str, **options: Any) -> Exporter:
     given = {key: value for key, value in options.items() if value is not None}
     for key in given:
         if key not in _options(kind):
-            able = [other for other, one in EXPORTERS.items() if key in _options(one)]
+            able = ", ".join(other for other, one in EXPORTERS.items() if key in _options(one))
             raise InputError(
-                f"export to {name}, {key}",
+                f"export to {name}, {shown.get(key, key)}",
                 found=f"an option that {name} does not have",
-                expected="a target that has this option: " + ", ".join(able)
+                expected=f"a target that has this option: {able}"
                 if able
                 else ", ".join(sorted(_options(kind))) or "no option",
                 remedy="leave it out",
             )
     if "density" in given:
         check_number(
-            given["density"], f"export to {name}, density", above=0.0, remedy="give it in kg/m^3, for example 1025.0"
+            given["density"],
+            f"export to {name}, {shown.get('density', 'density')}",
+            above=0.0,
+            remedy="give it in kg/m^3, for example 1025.0",
         )
     return kind(**given)
 
@@ -196,15 +216,15 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
 
 def _of_another_package(name: str) -> type[Exporter]:
     """Return the exporter that an installed package has under a name."""
-    found = entry_points(group=GROUP, name=name)
-    if not found:
+    points = entry_points(group=GROUP, name=name)
+    if not points:
         raise not_among(f"--to {name}", name, exporter_names())
-    (entry, *_) = found
+    (entry, *_) = points
     try:
         kind = entry.load()
     except Exception as cause:  # whatever the other package raises when it is imported
         raise _unusable(entry, f"{type(cause).__name__}: {cause}") from cause
-    if not (isinstance(kind, type) and all(hasattr(kind, part) for part in ("__dataclass_fields__", *_PARTS))):
+    if not (isinstance(kind, type) and issubclass(kind, Exporter) and is_dataclass(kind)):
         raise _unusable(entry, "something else")
     return kind
 
@@ -214,23 +234,13 @@ def _unusable(entry: EntryPoint, found: str) -> InputError:
     return InputError(
         f"--to {entry.name}, {entry.value} of {package}",
         found=found,
-        expected=f"a frozen dataclass with {', '.join(_PARTS)}, as docs/skeletons/exporter.py has it",
+        expected="a frozen dataclass that is an Exporter, as docs/skeletons/exporter.py has it",
         remedy=f"install a version of {package} that fits, or remove it",
     )
 
 
 def _options(kind: type[Exporter]) -> set[str]:
-    return {field.name for field in fields(kind)} - {"name", "target"}  # pyright: ignore[reportArgumentType]
-
-
-def _loss_in_current(
-    vehicle: ExportedVehicle, carried: Carried, plan: ManoeuvrePlan, current: float
-) -> tuple[MotionChange, ...] | None:
-    """Return the changes of the velocities through the water, in a current to the east; None without one."""
-    if current == 0:
-        return None
-    own = run_manoeuvre(motion_of(vehicle), vehicle.actuators, plan, (0.0, current, 0.0))
-    return changes(vehicle, own, run_manoeuvre(carried.motion, carried.actuators, plan, (0.0, current, 0.0)))
+    return {field.name for field in fields(kind)} - {"name", "target"}
 
 
 def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> list[str]:
@@ -259,9 +269,12 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         ("caution", provenance.cautions),
     ):
         lines += [f"{title}: {item}" for item in items]
-    lines += [f"not supported: {item}" for item in carried.lost] or ["supports all known terms"]
+    lines += [f"not supported: {item}" for item in carried.lost]
+    lines += [] if carried.lost or carried.holds else ["supports all known terms"]
     lines += [f"in another form: {item}" for item in carried.changed]
     lines += [f"a positive command: {commands}"] if commands else []
+    if carried.holds:
+        return [*lines, f"loss in predicted motion: {carried.holds}"]
     lines.append(f"loss in predicted motion ({statement.manoeuvre}, in still water): {loss_words(statement.loss)}")
     if statement.loss_in_current is not None:
         words = loss_words(statement.loss_in_current)

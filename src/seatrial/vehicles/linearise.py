@@ -123,17 +123,32 @@ def linearise(
         state: in the model's order, SI.
         control: in the model's order, SI.
     """
-    return _jacobians(model, dict(params), jnp.asarray(state, float), jnp.asarray(control, float))
+    point = jnp.concatenate([jnp.asarray(state, float), jnp.asarray(control, float)])
+    (slopes,), _ = slopes_and_rates(
+        model, {name: jnp.asarray(value)[None] for name, value in params.items()}, point[None]
+    )
+    return slopes[:, : len(model.states)], slopes[:, len(model.states) :]
 
 
 @program(static_argnums=0)
-def _jacobians(model: VehicleModel, params: dict, state: Array, control: Array) -> tuple[Array, Array]:
-    """Return the Jacobians of the rates of the states; compiled once for each model."""
+def slopes_and_rates(model: VehicleModel, params: Params, points: Array) -> tuple[Array, Array]:
+    """Return the Jacobians of the rates of the states by states and controls, (m, d, d + c), and the rates, (m, d), of m vehicles.
 
-    def stacked(x: Array, c: Array) -> Array:
-        return jnp.stack([jnp.asarray(value, float) for value in model.derivative(params, tuple(x), tuple(c))])
+    Args:
+        model: d states and c controls.
+        params: values of each free coefficient, SI, shape (m,).
+        points: state and control of each vehicle, shape (m, d + c), SI.
+    """
 
-    return jax.jacfwd(stacked, argnums=(0, 1))(state, control)
+    def of_one(values: dict, point: Array) -> tuple[Array, Array]:
+        def rates(y: Array) -> tuple[Array, Array]:
+            state, control = tuple(y[: len(model.states)]), tuple(y[len(model.states) :])
+            result = jnp.stack([jnp.asarray(rate, float) for rate in model.derivative(values, state, control)])
+            return result, result
+
+        return jax.jacfwd(rates, has_aux=True)(point)
+
+    return jax.vmap(of_one)(params, points)
 
 
 def _level(model: VehicleModel, speed_given: bool, x: Any, given: Any) -> Trim:

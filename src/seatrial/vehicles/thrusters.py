@@ -206,10 +206,20 @@ def controls_of(
         named: terms of its model.
         moves: velocities that are modelled, where only thrusters that push along or about one of them count; none for all thrusters.
     """
+    return tuple(control for _, _, control in acting_thrusters(thrusters, named, moves))
+
+
+def acting_thrusters(
+    thrusters: Sequence[Thruster], named: Iterable[CoefficientName], moves: Sequence[str] = ()
+) -> list[tuple[int, Thruster, str]]:
+    """Return the place, from 1, of each of the thrusters of `controls_of`, itself and its control."""
     names = thruster_controls(len(thrusters), not any(one.axis == "T" and "n" in one.signals for one in named))
     axes = [RATES.index(rate) for rate in moves] or [*range(len(RATES))]
-    pushes = (max(abs(one.column[i]) for i in axes) > NO_PUSH * max(map(abs, one.column)) for one in thrusters)
-    return tuple(name for name, is_pushing in zip(names, pushes, strict=True) if is_pushing)
+    return [
+        (place, thruster, control)
+        for place, (thruster, control) in enumerate(zip(thrusters, names, strict=True), 1)
+        if max(abs(thruster.column[i]) for i in axes) > NO_PUSH * max(map(abs, thruster.column))
+    ]
 
 
 def thrust_unknowns(controls: Sequence[str], thrusters: Sequence[Thruster]) -> tuple[VehicleUnknown, ...]:

@@ -46,7 +46,14 @@ from seatrial.vehicles.hull import (
     rigid_mass_matrix,
 )
 from seatrial.vehicles.model import Params, VehicleModel, cached_model, outside_force
-from seatrial.vehicles.thrusters import Thruster, beyond_dead_zone, controls_of, real_thrust, thrust_unknowns
+from seatrial.vehicles.thrusters import (
+    Thruster,
+    acting_thrusters,
+    beyond_dead_zone,
+    controls_of,
+    real_thrust,
+    thrust_unknowns,
+)
 from seatrial.vehicles.whole_checks import check_has_state, check_whole
 
 # Forces on the six axes but weight and buoyancy: one coefficient for each regressor, made of all that multiplies it.
@@ -101,10 +108,8 @@ def forces_of(
                     sums.setdefault(product.name, []).append((-product.factor, entry.text))
     for product in constant:
         sums.setdefault(product, [])
-    columns = [tuple(share * x for x in thruster.column) for thruster in thrusters]
-    pushing = controls_of(thrusters, named, freedom.moves)
-    named_thrusters = zip(thrusters, controls_of(thrusters, named), columns, strict=True)
-    acting = [(thruster, control, column) for thruster, control, column in named_thrusters if control in pushing]
+    acting = acting_thrusters(thrusters, named, freedom.moves)
+    columns = {control: tuple(share * x for x in thruster.column) for _, thruster, control in acting}
 
     def forces(values: Mapping[str, Any], known: Mapping[str, Any], velocity: tuple) -> list[Any]:
         results: list[Any] = [0.0] * 6
@@ -115,13 +120,13 @@ def forces_of(
             axis = AXES.index(name.axis)
             scale = total((constant.get(name, 0.0), *(times(factor, values[text]) for factor, text in parts)))
             results[axis] = total((results[axis], times(scale, made[name.key])))
-        for thruster, control, column in acting:
+        for _, thruster, control in acting:
             push = beyond_dead_zone(values, control, known[control])
             if thrust:
                 local = {**known, control[0]: push, "u": times(inflow, thruster.inflow(velocity))}
                 push = total(times(values[term.text], term.regressor(local, hull.trim)) for term in thrust)
             push = real_thrust(values, control, push)
-            results = [total((force, times(x, push))) for force, x in zip(results, column, strict=True)]
+            results = [total((force, times(x, push))) for force, x in zip(results, columns[control], strict=True)]
         if hull.tether is not None:
             results = [total(parts) for parts in zip(results, hull.tether.force(velocity, values), strict=True)]
         return results

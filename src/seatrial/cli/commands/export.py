@@ -1,5 +1,6 @@
 """Vehicles out to simulators, and trials out to vehicles."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +12,12 @@ from seatrial.cli.running import Quiet, watched
 
 _TARGETS = "<gz|stonefish|fossen|casadi|fmu|mjcf|holoocean|json|csv|control|draws|mavlink|ros2|mcap>"
 _TRIALS = "csv, json, mavlink, ros2 or mcap"
+_OPTIONS = {
+    "count": "--draws",
+    "engine": "--engine",
+    "density": "--density",
+    "speeds": "--speeds",
+}  # By those of an exporter
 
 
 def export(
@@ -76,13 +83,8 @@ def export(
             return _trial(folder, to, out, schedule)
         _only("a vehicle, without --trial", schedule=schedule)
         water = None if density is None else quantity(density, "kg/m^3", "--density")
-        options = {"engine": engine, "density": water, "count": draws}
-        if speeds is not None:
-            *others, last = speeds.split(",")
-            unit = last.strip().partition(" ")[2]
-            options["speeds"] = tuple(
-                quantity(f"{one.strip()} {unit}", "m/s", "--speeds") for one in (*others, last.replace(unit, ""))
-            )
+        ahead = None if speeds is None else _speeds(speeds)
+        options = {"engine": engine, "density": water, "count": draws, "speeds": ahead}
         return _vehicle(what, to, out, {"structure": structure, "rest": rest, "configuration": configuration}, options)
 
     watched(quiet, work)
@@ -104,7 +106,7 @@ def _vehicle(
         named = {"fill_from" if name == "rest" else name: value for name, value in chosen.items()}
         _only("a published vehicle", **named)
     here = Path(what) / "export" if is_folder else Path("export") / what
-    folder = out or here / make_exporter(to, **options).name
+    folder = out or here / make_exporter(to, _OPTIONS, **options).name
     # What is lost is printed before anything is written.
     statement, paths = export_to(
         what,
@@ -116,6 +118,28 @@ def _vehicle(
     )
     _name_files(paths).give(target=statement.target, estimated=statement.estimated, loss=statement.loss)
     return Exit.ALARMS if statement.provenance.cautions else Exit.OK
+
+
+def _speeds(text: str) -> tuple[float, ...]:
+    """Read speeds, m/s, each once: a unit for each, or behind the last for all.
+
+    Raises:
+        InputError: a comma between digits, which may be a decimal one, or what is no speed.
+    """
+    from seatrial.core.errors import InputError
+    from seatrial.core.units import quantity
+
+    if re.search(r"\d,\d", text):
+        raise InputError(
+            "--speeds",
+            found=f'"{text}", where a comma stands between digits',
+            expected='speeds such as "0.5, 1.5 m/s"',
+            remedy="separate speeds by spaces, or by commas with a space, and write 1.5 with a decimal point",
+        )
+    *others, last = re.split(r",\s*|\s+(?=[-+.\d])", text.strip(" ,"))
+    unit = last.lstrip("-+.0123456789")
+    each = (one if re.search("[a-z]", one) else one + unit for one in others)
+    return tuple(dict.fromkeys(quantity(one, "m/s", "--speeds") for one in (*each, last)))
 
 
 def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:

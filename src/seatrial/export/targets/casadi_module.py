@@ -7,16 +7,14 @@ Source: CasADi's documentation of `SX` and `Function` (version 3.8).
 
 from dataclasses import dataclass
 
-from seatrial.export.equations import check_mass, docstring_line, listed_numbers, source_of, state_lines
-from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.equations import check_mass, listed_numbers, python_module
+from seatrial.export.target import Exporter, Statement
 from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
 from seatrial.export.xml_text import identifier
 
 
 @dataclass(frozen=True)
-class CasadiModule:
+class CasadiModule(Exporter):
     """See the module."""
 
     name: str = "casadi"
@@ -25,32 +23,22 @@ class CasadiModule:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         check_mass(vehicle, self.name)
-        check_stable(vehicle, self.name)
-
-    def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything, since its code is written out."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
+        super().check(vehicle)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         estimated = vehicle.estimated
-        parts = {
-            "DOC": "\n".join(map(docstring_line, [*statement.lines, "", *state_lines(vehicle), *_NOTES, UNCERTAINTY])),
-            "SOURCE": source_of(vehicle),
-            "NAMES": repr(estimated.names),
-            "MEAN": listed_numbers(estimated.mean),
-            "COVARIANCE": "[\n" + "".join(f"    {listed_numbers(row)},\n" for row in estimated.covariance) + "]",
-        }
-        text = _TEMPLATE
-        for key, value in parts.items():
-            text = text.replace(f"@{key}@", value)
+        rows = "".join(f"    {listed_numbers(row)},\n" for row in estimated.covariance)
+        made = {"NAMES": repr(estimated.names), "MEAN": listed_numbers(estimated.mean), "COVARIANCE": f"[\n{rows}]"}
+        text = python_module(_TEMPLATE, vehicle, statement.lines, (*_NOTES, UNCERTAINTY), **made)
         return {f"{identifier(vehicle.name)}.py": text}
 
 
 _NOTES = (
     "f(x, u, p, current) is the rate of the state, F(x, u, p, current, dt) the state after a step of dt seconds with u held (Runge-Kutta).",
     "x, u and p are columns in the order of STATES, CONTROLS and PARAMETERS; P holds the values of PARAMETERS; current is the velocity",
-    "of the water, north, east and down. ESTIMATED names the coefficients of MEAN and COVARIANCE; INDEX is their place in p.",
+    "of the water, north, east and down. Lagging actuators begin where x says; followed(u) is their part of x if they have followed u.",
+    "ESTIMATED names the coefficients of MEAN and COVARIANCE; INDEX is their place in p.",
 )
 _TEMPLATE = '''"""
 @DOC@

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_number, check_sequence
 from seatrial.core.signals import signal_unit
-from seatrial.export.ensemble import DRAWS, Ensemble, ensemble_of
+from seatrial.export.ensemble import DRAWS, OF_ONE_MODEL, Ensemble, ensemble_of
 from seatrial.export.linear import (
     Known,
     LinearModel,
@@ -24,21 +25,31 @@ from seatrial.export.linear import (
     parts_of,
     responses,
     usual_speeds,
-    verdict,
 )
 from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.target import Carried, Exporter, Statement
+from seatrial.export.terms import actuator_losses
+from seatrial.export.vehicle import ExportedVehicle, ExportProvenance
 from seatrial.export.xml_text import text
 from seatrial.vehicles.actuators import Actuator
 
 _DRAWN = ("surge", "yaw")  # Subsystems with a Bode plot
+_HOLDS = "none of first order about each trim below; away from it linear models lack all terms of higher order"
+_VERDICTS = {"": "", "published": " (by published values only)", "undetermined": " (not determined by the data)"}
 _DECADES, _POINTS = (-1.5, 1.5), 40  # Of a Bode plot about its fastest and slowest pole
+_NEAR = (
+    -2.0,
+    -1.0,
+    -0.5,
+    0.0,
+    0.5,
+    1.0,
+    2.0,
+)  # Points of a Bode plot about a natural frequency, in units of its half width
 
 
 @dataclass(frozen=True)
-class Control:
+class Control(Exporter):
     """See the module.
 
     Attributes:
@@ -53,17 +64,19 @@ class Control:
     count: int = DRAWS
     seed: int = 0
     takes_unknown_mass: ClassVar[bool] = True
+    sometimes: ClassVar[tuple[str, ...]] = tuple(f"bode_{name}.svg" for name in _DRAWN)
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
         for speed in check_sequence(self.speeds, "export to control, speeds", "give speeds such as (1.0, 1.5), m/s"):
             check_number(speed, "export to control, speeds", least=0.0, remedy="give speeds ahead in m/s")
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: the motion itself, of which the files have the slopes."""
         dead = [f"{name}, the dead zone: add it to the commands" for name in vehicle.thrust_law if name[:5] == "dead_"]
-        return Carried(motion_of(vehicle), tuple(dead), actuators=vehicle.actuators)
+        lags = {name: Actuator(one.time_constant) for name, one in vehicle.actuators.items()}
+        return Carried(motion_of(vehicle), (*dead, *actuator_losses(vehicle, lags)), actuators=lags, holds=_HOLDS)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str | bytes]:
         """See `Exporter`."""
@@ -90,34 +103,38 @@ class Control:
         ensemble = ensemble_of(vehicle, self.count, self.seed) if vehicle.estimated.names else None
         return ensemble, linearise(vehicle, tuple(self.speeds) or usual_speeds(vehicle), ensemble)
 
-    def notes(self, vehicle: ExportedVehicle) -> list[str]:
-        """Return trim, poles, time constants and gains of each speed, with what linear models leave out."""
+    def notes(self, vehicle: ExportedVehicle, provenance: ExportProvenance) -> list[str]:
+        """Return trim, poles, time constants and gains of each speed, and what their ± is."""
         ensemble, models = self._models(vehicle)
         size = 0 if ensemble is None else len(ensemble.values)
-        bounds = {name: np.isfinite([one.lower, one.upper, one.rate]).any() for name, one in vehicle.actuators.items()}
-        limited = [name for name, is_limited in bounds.items() if is_limited and name in vehicle.controls]
-        lines = [f"linear models have no limits and rates of {' '.join(limited)}"] if limited else []
-        lines += [
+        lines = [
             f"linear models, with ± as half the width of the central 68 % of {size} draws"
             if size
             else "linear models without ±: all values are published"
         ]
+        if vehicle.estimated.quoted == "averaged":
+            lines.append(f"caution: {OF_ONE_MODEL}; compare --structure with the labels of others")
         for model in models:
             lines.append(f"at {model.speed:g} m/s, {_trim_words(vehicle, model)}:")
+            lines += _beyond_records(model.speed, provenance.speeds)
             for part in parts_of(vehicle, model):
                 lines += [f"  {part.name}: {_words(known)}" for known in numbers_of(part, size)]
         return lines
 
 
+def _beyond_records(speed: float, fitted: tuple[float, float] | None) -> list[str]:
+    """Return a caution about a speed that the fitted records lack; none if their speeds are not known."""
+    if fitted is None or fitted[0] <= speed <= fitted[1]:
+        return []
+    return [
+        f"caution: {speed:g} m/s lies outside the speeds of the fitted records, {fitted[0]:.2g} to {fitted[1]:.2g} m/s"
+    ]
+
+
 def _words(known: Known) -> str:
     words = f"{known.name} {known.value.real:.4g}" + (f" ± {known.sd:.2g}" if known.sd else "") + f" {known.unit}"
     words += f", oscillating at {known.value.imag:.3g} rad/s" if known.value.imag else ""
-    return (
-        words
-        + {"": "", "published": " (by published values only)", "undetermined": " (not determined by the data)"}[
-            verdict(known)
-        ]
-    )
+    return words + _VERDICTS[known.verdict]
 
 
 def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
@@ -179,14 +196,25 @@ def _bode(model: LinearModel, part: Part) -> str:
     from seatrial.report.figures.bode import bode_figure
     from seatrial.report.figures.style import own_settings
 
-    sizes = np.abs(np.linalg.eigvals(part.a[0]))
-    sizes = sizes[sizes > 1e-6] if (sizes > 1e-6).any() else np.ones(1)
-    low, high = np.log10([sizes.min(), sizes.max()]) + _DECADES
-    frequency = np.logspace(low, high, _POINTS)
     unit = f"{signal_unit(part.output)} / {input_unit(part.input)}"
     with own_settings():
         title = f"{part.output} by {part.input} at {model.speed:g} m/s"
+        frequency = bode_frequencies(model, part)
         return draw_svg(bode_figure(frequency, responses(model, part, frequency), title, unit), part.name)
+
+
+def bode_frequencies(model: LinearModel, part: Part) -> Float[np.ndarray, " f"]:
+    """Return the frequencies of a Bode plot, rad/s: even by their logarithm about the poles of a part, and close at each resonance."""
+    sizes = np.abs(np.linalg.eigvals(part.a[0]))
+    sizes = sizes[sizes > 1e-6] if (sizes > 1e-6).any() else np.ones(1)
+    low, high = np.log10([sizes.min(), sizes.max()]) + _DECADES
+    poles = np.linalg.eigvals(model.a[0])
+    poles = poles[
+        (poles.imag > 0) & (np.abs(poles.real) > 1e-6 * np.abs(poles))
+    ]  # without damping there is no finite peak
+    peaks = np.abs(poles) + np.outer(_NEAR, poles.real)
+    peaks = peaks[(peaks > 10.0**low) & (peaks < 10.0**high)]
+    return np.unique(np.concatenate([np.logspace(low, high, _POINTS), peaks]))
 
 
 _MODULE = '''"""Linear models of a vehicle about steady motion ahead, for python-control; the numbers are in linear_models.mat.

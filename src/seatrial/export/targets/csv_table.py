@@ -7,9 +7,7 @@ from math import isfinite
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.signals import signal_unit
-from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Exporter, Statement
 from seatrial.export.vehicle import UNCERTAINTY, AveragedCoefficient, ExportedVehicle
 from seatrial.vehicles.hull import Hull
 
@@ -18,19 +16,11 @@ _AVERAGED_COLUMNS = ("averaged_mean", "averaged_sd")
 
 
 @dataclass(frozen=True)
-class CsvTable:
+class CsvTable(Exporter):
     """See the module."""
 
     name: str = "csv"
     target: str = "CSV table of coefficients (RFC 4180, comments with #)"
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        check_stable(vehicle, self.name)
-
-    def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: every number of the body and every coefficient has its row."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""

@@ -9,14 +9,12 @@ from typing import ClassVar
 import numpy as np
 
 from seatrial.export.ensemble import DRAWS, check_estimated, ellipsoid_of, ensemble_lines, ensemble_of, widths_of
-from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
-from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
+from seatrial.export.target import Exporter, Statement
+from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle, ExportProvenance
 
 
 @dataclass(frozen=True)
-class DrawsTable:
+class DrawsTable(Exporter):
     """See the module; `count` and `seed` are those of `ensemble_of`."""
 
     name: str = "draws"
@@ -27,14 +25,10 @@ class DrawsTable:
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
         check_estimated(vehicle, self.name)
 
-    def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
-
-    def notes(self, vehicle: ExportedVehicle) -> tuple[str, ...]:
+    def notes(self, vehicle: ExportedVehicle, provenance: ExportProvenance) -> tuple[str, ...]:
         """Return how the draws came about, and how far to randomise."""
         return ensemble_lines(vehicle, ensemble_of(vehicle, self.count, self.seed))
 
@@ -46,7 +40,7 @@ class DrawsTable:
         about = [*statement.lines, UNCERTAINTY]
         given = {name: float(value) for name, value in vehicle.coefficients.items() if name not in ensemble.names}
         arrays = {
-            "about": np.array("\n".join(about).encode()),
+            "about": np.array("\n".join(about)),
             "names": np.array(ensemble.names),
             "units": np.array(units),
             "weights": weights,

@@ -18,10 +18,8 @@ from uuid import UUID
 from seatrial.core.errors import needing_extra
 from seatrial.core.files import write_text
 from seatrial.core.signals import CURRENT_COMPONENTS, signal_unit
-from seatrial.export.equations import check_mass, docstring_line, parameters_of, source_of, state_lines, states_of
-from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.equations import check_mass, docstring_line, parameters_of, python_module, states_of
+from seatrial.export.target import Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import identifier
 
@@ -30,7 +28,7 @@ _UNDATED = (1980, 1, 1, 0, 0, 0)  # Of each member of the archive: the same vehi
 
 
 @dataclass(frozen=True)
-class CoSimulationUnit:
+class CoSimulationUnit(Exporter):
     """See the module."""
 
     name: str = "fmu"
@@ -39,13 +37,9 @@ class CoSimulationUnit:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         check_mass(vehicle, self.name)
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
         with _packing():
             import pythonfmu  # noqa: F401  # pyright: ignore[reportMissingImports]  (refused before anything is computed)
-
-    def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything, since its code is written out."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, bytes]:
         """See `Exporter`."""
@@ -53,16 +47,12 @@ class CoSimulationUnit:
         units = {key: signal_unit(key) for key in (*states_of(vehicle), *vehicle.controls, *CURRENT_COMPONENTS)}
         units |= {key: unit for key, (_, unit) in parameters_of(vehicle).items()}
         parts = {
-            "DOC": "\n".join(map(docstring_line, [*statement.lines, "", *state_lines(vehicle), *_NOTES])),
-            "SOURCE": source_of(vehicle),
             "UNITS": "{\n" + "".join(f'    "{key}": "{unit}",\n' for key, unit in units.items()) + "}",
             "CLASS": name,
             "TITLE": repr(docstring_line(statement.lines[0])),
             "STEP": repr(STEP),
         }
-        text = _TEMPLATE
-        for key, value in parts.items():
-            text = text.replace(f"@{key}@", value)
+        text = python_module(_TEMPLATE, vehicle, statement.lines, _NOTES, **parts)
         return {f"{name}.fmu": packed(text, f"fmu_of_{name}")}
 
 
@@ -193,8 +183,7 @@ class @CLASS@(Fmi2Slave):
 
     def begin(self):
         """Take the initial state from the parameters."""
-        wanted = limited([self.inputs[name] for name in CONTROLS])
-        self.state = [*self.start.values(), *(wanted[i] for i in LAGGING)]
+        self.state = [*self.start.values(), *followed([self.inputs[name] for name in CONTROLS])]
 
     def do_step(self, current_time, step_size):
         control = [self.inputs[name] for name in CONTROLS]

@@ -33,8 +33,8 @@ from seatrial.export.rigid_body import (
     point_mass,
     volume_of,
 )
-from seatrial.export.stability import check_explicit_added_mass, check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.stability import check_explicit_added_mass
+from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import (
     actuator_losses,
     all_products,
@@ -83,7 +83,7 @@ _SIX = "xyzpqr"
 
 
 @dataclass(frozen=True)
-class Gz:
+class Gz(Exporter):
     """See the module.
 
     Attributes:
@@ -106,7 +106,7 @@ class Gz:
                 remedy="dart is Gazebo's default",
             )
         require_whole(vehicle, self.name)
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
         if is_asymmetric(vehicle):
             raise InputError(
                 f'vehicle "{vehicle.name}", added mass',

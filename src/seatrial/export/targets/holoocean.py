@@ -20,8 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.export.manoeuvre import DEFAULT_SPEED, contrary_to
 from seatrial.export.motion import Motion, coriolis_force, restoring_force
 from seatrial.export.rigid_body import DENSITY, drives_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
 from seatrial.export.vehicle import ExportedVehicle, require_whole
 from seatrial.vehicles.actuators import Actuator
@@ -172,7 +171,7 @@ _CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
 
 
 @dataclass(frozen=True)
-class HoloOcean:
+class HoloOcean(Exporter):
     """See the module; `density` is the water's, kg/m^3."""
 
     name: str = "holoocean"
@@ -182,7 +181,7 @@ class HoloOcean:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         require_whole(vehicle, self.name)
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
         surge = vehicle.added_mass[0, 0] / vehicle.rigid_mass[0, 0]
         low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
         for broken, result, expected in (

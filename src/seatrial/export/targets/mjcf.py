@@ -12,11 +12,10 @@ Source: MuJoCo's documentation of MJCF, `mjcb_passive` and `mjcb_act_dyn` (versi
 from dataclasses import dataclass, replace
 from math import isfinite, pi
 
-from seatrial.export.equations import check_mass, docstring_line, lagging, source_of, state_lines
+from seatrial.export.equations import check_mass, lagging, python_module
 from seatrial.export.motion import motion_of
 from seatrial.export.rigid_body import DENSITY, body_of, flip, gravity_of, volume_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import comment, identifier, number, numbers
 from seatrial.vehicles.hull import rigid_mass_matrix
@@ -25,7 +24,7 @@ STEP = 0.01  # Step of the simulation, s
 
 
 @dataclass(frozen=True)
-class Mujoco:
+class Mujoco(Exporter):
     """See the module."""
 
     name: str = "mjcf"
@@ -34,7 +33,7 @@ class Mujoco:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         check_mass(vehicle, self.name)
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything; contacts and further joints see the body without its added mass."""
@@ -51,14 +50,7 @@ class Mujoco:
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
         name = identifier(vehicle.name)
-        parts = {
-            "DOC": "\n".join(map(docstring_line, [*statement.lines, "", *state_lines(vehicle), *_NOTES])),
-            "SOURCE": source_of(vehicle),
-            "NAME": name,
-        }
-        text = _TEMPLATE
-        for key, value in parts.items():
-            text = text.replace(f"@{key}@", value)
+        text = python_module(_TEMPLATE, vehicle, statement.lines, _NOTES, NAME=name)
         return {f"{name}.xml": comment(statement.lines) + _model(vehicle, name), f"{name}.py": text}
 
 
@@ -97,7 +89,7 @@ _NOTES = (
     "The model has its axes forward, port and up, and a world of north, west and up; `nu_of` gives the velocities above. Use:",
     "    model = mujoco.MjModel.from_xml_path(...); data = mujoco.MjData(model); install(); begin(model, data)",
     "Load every model before `install`: MuJoCo's compiler calls a callback with a model that Python does not know, and stops.",
-    "data.ctrl holds the commands, in SI and the order of CONTROLS; data.act what lagging actuators do, where `begin` sets them to their",
+    "data.ctrl holds the commands, in SI and the order of CONTROLS; data.act what lagging actuators do: 0, until `begin` sets it to their",
     "commands. `water` is the velocity of the water, north, east and down, and `parameters` the list of PARAMETERS: both may be changed.",
     "Added mass: the callback solves the equation, forces of xfrc_applied and qfrc_applied included, for the acceleration, and adds the",
     "force by which MuJoCo's rigid body gets it. Contacts and further joints act on the body without added mass. The geom is a sphere of",
@@ -129,9 +121,8 @@ def install():
 
 def begin(model, data):
     """Set what lagging actuators do to their commands."""
-    wanted = limited(commands(model, data))
-    for i in LAGGING:
-        data.act[model.actuator(CONTROLS[i]).actadr[0]] = wanted[i]
+    for i, value in zip(LAGGING, followed(commands(model, data))):
+        data.act[model.actuator(CONTROLS[i]).actadr[0]] = value
 
 
 def turn_of(model, data):
@@ -150,10 +141,10 @@ def nu_of(model, data):
 
 def passive(model, data):
     """Add the force of the water, and of weight and buoyancy beyond MuJoCo's weight."""
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, NAME)
-    if found < 0:
+    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, NAME)
+    if joint < 0:
         return
-    at, body = model.jnt_dofadr[found], model.jnt_bodyid[found]
+    at, body = model.jnt_dofadr[joint], model.jnt_bodyid[joint]
     turn, centre = turn_of(model, data), model.body_ipos[body]
     push, twist = data.xfrc_applied[body, :3], data.xfrc_applied[body, 3:]
     push_here = turn.T @ (data.qfrc_applied[at : at + 3] + push)

@@ -9,9 +9,7 @@ from math import isfinite
 from typing import Any
 
 from seatrial.core.signals import RATES, signal_unit
-from seatrial.export.motion import motion_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Exporter, Statement
 from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
 
@@ -24,19 +22,11 @@ EQUATION = (
 
 
 @dataclass(frozen=True)
-class OwnJson:
+class OwnJson(Exporter):
     """See the module."""
 
     name: str = "json"
     target: str = f"seatrial JSON, format {FORMAT}"
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        check_stable(vehicle, self.name)
-
-    def carries(self, vehicle: ExportedVehicle) -> Carried:
-        """See `Exporter`: everything."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -60,6 +50,7 @@ def document(vehicle: ExportedVehicle, statement: Statement) -> dict[str, Any]:
             "sources": list(provenance.sources),
             "cautions": list(provenance.cautions),
             "current": provenance.current,
+            "speeds": provenance.speeds and list(provenance.speeds),
         },
         **described(vehicle),
     }

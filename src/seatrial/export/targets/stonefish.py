@@ -25,8 +25,7 @@ from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import DEFAULT_SPEED, plan_for
 from seatrial.export.motion import Motion, force_of, motion_of, motion_with
 from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, drive_name, drives_of, fins_of
-from seatrial.export.stability import check_stable
-from seatrial.export.target import Carried, Statement
+from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import (
     actuator_losses,
     added_mass_losses,
@@ -53,7 +52,7 @@ _FIN_LIMIT = pi / 2  # Greatest angle of a fin whose limit is not known
 
 
 @dataclass(frozen=True)
-class Stonefish:
+class Stonefish(Exporter):
     """See the module; `density` is the water's, kg/m^3."""
 
     name: str = "stonefish"
@@ -63,7 +62,7 @@ class Stonefish:
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         require_whole(vehicle, self.name)
-        check_stable(vehicle, self.name)
+        super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`."""
