@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from seatrial.core.errors import InputError
-from seatrial.export.equations import check_mass, source_of, states_of
+from seatrial.export.equations import source_of, states_of
 from seatrial.export.motion import motion_of
-from seatrial.export.vehicle import CoefficientEstimates
+from seatrial.export.vehicle import CoefficientEstimates, require_known
 from seatrial.export.write import make_exporter, state
 from tests.export.cases import PROVENANCE, commanded, own_rates, published, rich, whole_states, with_law, with_terms
 
@@ -66,7 +66,7 @@ def test_a_vehicle_without_mass_has_no_equations():
     vehicle = published("remus100_longitudinal")
     bare = replace(vehicle, hull=replace(vehicle.hull, mass=None, inertia=(None, None, None)))
     with pytest.raises(InputError, match="no I_yy, mass"):
-        check_mass(bare, "x")
+        require_known(bare, "x", bare.moves)
 
 
 def test_thrusters_that_push_along_no_modelled_axis_have_no_control():

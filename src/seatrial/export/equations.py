@@ -15,7 +15,6 @@ from types import MappingProxyType
 import numpy as np
 
 from seatrial.core.coefficients import CoefficientName, Factor
-from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL, ANGLES, POSITIONS, RATES, signal_unit
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import number
@@ -27,28 +26,6 @@ CONVENTIONS = (
     "SI and radians. Body axes forward, starboard and down; positions north, east and down; phi, theta, psi are roll, pitch and",
     "heading (Euler angles, singular at a pitch of 90 degrees). u v w p q r are velocities through the water.",
 )
-
-
-def check_mass(vehicle: ExportedVehicle, target: str) -> None:
-    """Refuse a vehicle whose equations have no mass.
-
-    Raises:
-        InputError: the mass, or the inertia of an axis that turns, is unknown.
-    """
-    inertia = zip(RATES[3:], vehicle.hull.inertia, strict=True)
-    missing = [
-        f"I_{axis}"
-        for (rate, one), axis in zip(inertia, ("xx", "yy", "zz"), strict=True)
-        if one is None and rate in vehicle.moves
-    ]
-    missing += ["mass"] if vehicle.hull.mass is None else []
-    if missing:
-        raise InputError(
-            f'vehicle "{vehicle.name}", export to {target}',
-            found=f"no {', '.join(missing)}",
-            expected="mass, and inertia about each axis that turns, because the target computes accelerations",
-            remedy="state them in campaign.toml; or export to json or csv, which contain all known values",
-        )
 
 
 def python_module(

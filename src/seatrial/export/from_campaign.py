@@ -130,8 +130,13 @@ def _alone(
     estimated = _estimated(estimate, structure, summary, configuration)
     means = dict(zip(estimated.names, map(float, estimated.mean), strict=True))
     coefficients = {**hull.fixed, **means}
-    common = {"coefficients": coefficients, "estimated": estimated, "beside": _beside(estimate)}
     model = vehicle.model(structure)
+    common = {
+        "coefficients": coefficients,
+        "estimated": estimated,
+        "beside": _beside(estimate),
+        "actuators": _actuators(campaign.control_limits, model),
+    }
     if isinstance(vehicle, WholeVehicle):
         tether = vehicle.hull.tether
         numbers = {
@@ -140,42 +145,25 @@ def _alone(
             if one.name in estimate.names
         }
         pulled = {name: one.value for name, one in numbers.items() if name in TETHER}
-        moves = tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",)
         result = ExportedVehicle(
             hull.name,
             replace(vehicle.hull, fixed={}, tether=tether and tether.at(pulled)),
-            moves=moves,
+            moves=tuple(rate for rate in RATES if rate in vehicle.body.moves) or ("u",),
             added_coriolis=vehicle.body.added_coriolis,
             thrusters=vehicle.body.thrusters,
-            actuators=_actuators(campaign.control_limits, model),
             **common,
         ).with_numbers({name: one for name, one in numbers.items() if name not in TETHER})
         moved = ", ".join(rate for rate in RATES if rate in model.states)
     else:
         weight = 0.0 if hull.mass is None else hull.mass * GRAVITY
-        body = Hull(
-            hull.name,
-            hull.mass,
-            weight=weight,
-            buoyancy=weight,
-            thrust_deduction=hull.thrust_deduction,
-            trim=hull.trim,
-        )
-        moves = tuple(RATE_OF[axis] for axis in vehicle.axes)
-        result = ExportedVehicle(
-            hull.name,
-            body,
-            moves=moves,
-            actuators=_actuators(campaign.control_limits, model),
-            given=tuple(rate for rate in RATES if rate in model.controls),
-            **common,
-        )
+        drive = {"thrust_deduction": hull.thrust_deduction, "trim": hull.trim}
+        moves, given = tuple(RATE_OF[axis] for axis in vehicle.axes), [rate for rate in RATES if rate in model.controls]
+        body = Hull(hull.name, hull.mass, weight=weight, buoyancy=weight, **drive)
+        result = ExportedVehicle(hull.name, body, moves=moves, given=tuple(given), **common)
         moved = ", ".join(moves)
     source = vehicle.catalogue
     given = [name for name in coefficients if name not in means]
     where = f"catalogue {source}" if source else "campaign.toml"
-    absent = [f"everything about {rate}" for rate in RATES if rate not in (*result.moves, *result.given)]
-    absent += result.unknown_drives
     names = tuple(name for name in estimate.names if name.split("[")[0] == CURRENT)
     trial_limited = [
         name for name, limits in campaign.control_limits.items() if name in result.actuators and limits != Limits()
@@ -187,7 +175,7 @@ def _alone(
         + (f", configuration {configuration}" if configuration else ""),
         str(estimate.data.attrs.get("seatrial_version", "")),
         tuple(term for term in campaign.full.terms if term not in structure.terms),
-        tuple([", ".join(absent)] if absent else []),
+        (", ".join(result.absent),) if result.absent else (),
         (
             f"{'body' if result.knows_body else 'mass' if hull.mass else 'no mass'}{', and ' + ' '.join(given) if given else ''}: {where}",
             *(
@@ -403,10 +391,8 @@ def of_estimates(
         InputError: draws of none of its coefficients, no configuration although they differ, or forces that are no sum of named terms.
     """
     exported = of_published(vehicle.hull.name, vehicle)
-    absent = [f"everything about {rate}" for rate in RATES if rate not in exported.moves] + exported.unknown_drives
-    provenance = ExportProvenance(
-        "own numbers", exported.name, version=__version__, absent=(", ".join(absent),) if absent else ()
-    )
+    absent = (", ".join(exported.absent),) if exported.absent else ()
+    provenance = ExportProvenance("own numbers", exported.name, version=__version__, absent=absent)
     if draws is None:
         _refuse(exported.name, configuration=configuration)
         return exported, provenance

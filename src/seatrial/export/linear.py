@@ -8,7 +8,7 @@ K. Nomoto et al., On the steering qualities of ships, International Shipbuilding
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import permutations
 from typing import NamedTuple
@@ -25,7 +25,6 @@ from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.linearise import slopes_and_rates
 from seatrial.vehicles.model import VehicleModel
 from seatrial.vehicles.thrusters import allocation
-from seatrial.vehicles.whole import whole_vehicle
 
 # Subsystems: their velocities and angles, the output, the controls of a vehicle without thrusters, the first it has, and the axes of
 # the coefficients that make its motion.
@@ -117,7 +116,10 @@ def linearise(vehicle: ExportedVehicle, speeds: tuple[float, ...], ensemble: Ens
     Raises:
         InputError: a speed at which the vehicle has no steady motion.
     """
-    model = _model(vehicle)
+    law = _thrust_law(vehicle)
+    free = [*(name for name in vehicle.coefficients if name in vehicle.estimated.names), *law]
+    depth, heading = ("z",) if "w" in vehicle.moves else (), ("psi",) if "r" in vehicle.moves else ()
+    model = vehicle.model(free, positions=depth, angles=heading)
     names = tuple(name.text for name in model.coefficients)
     mean = np.array([[vehicle.coefficients[name] for name in names]])
     values = (
@@ -126,7 +128,7 @@ def linearise(vehicle: ExportedVehicle, speeds: tuple[float, ...], ensemble: Ens
         else np.concatenate([mean, ensemble.values[:, [ensemble.names.index(n) for n in names]]])
     )
     params = dict(zip(names, values.T, strict=True))
-    params |= {name: np.full(len(values), value) for name, value in _thrust_law(vehicle).items()}
+    params |= {name: np.full(len(values), value) for name, value in law.items()}
     return [_at_speed(vehicle, model, params, len(values), speed) for speed in speeds]
 
 
@@ -232,24 +234,6 @@ def input_unit(name: str) -> str:
     """Return the SI unit of a drive; of thrusters together that of one."""
     unit = signal_unit(name.split(" ")[0]) if name else "1"
     return {"kg m/s^2": "N", "kg m^2/s^2": "N m"}.get(unit, unit)
-
-
-def _model(vehicle: ExportedVehicle) -> VehicleModel:
-    """Return the vehicle without lags and limits; what was estimated is free, depth and heading are states."""
-    free = tuple(name for name in vehicle.coefficients if name in vehicle.estimated.names)
-    fixed = {name: value for name, value in vehicle.coefficients.items() if name not in free}
-    return whole_vehicle(
-        replace(vehicle.hull, fixed=fixed),
-        free,
-        moves=vehicle.moves,
-        attitude="euler",
-        positions=("z",) if "w" in vehicle.moves else (),
-        given=vehicle.given,
-        angles=("psi",) if "r" in vehicle.moves else (),
-        added_coriolis=vehicle.added_coriolis,
-        thrusters=vehicle.thrusters,
-        unknowns=tuple(_thrust_law(vehicle)),
-    )
 
 
 def _thrust_law(vehicle: ExportedVehicle) -> dict[str, float]:

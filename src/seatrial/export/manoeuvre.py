@@ -19,6 +19,7 @@ from seatrial.core.signals import RATES, signal_unit
 from seatrial.export.motion import CURRENT_IN_BODY, Motion, motion_of
 from seatrial.export.target import Carried, MotionChange
 from seatrial.export.vehicle import ExportedVehicle
+from seatrial.numerics.integrate import rk4_unrolled
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.control_signs import DURATION as PUSH_DURATION
 from seatrial.vehicles.control_signs import STEP as PUSH_STEP
@@ -123,11 +124,7 @@ def simulate(
     with np.errstate(all="ignore"):
         for i in range(count):
             held = _within(controls(i * step), actuators)
-            k1 = rate(state, held)
-            k2 = rate(state + 0.5 * step * k1, held)
-            k3 = rate(state + 0.5 * step * k2, held)
-            k4 = rate(state + step * k3, held)
-            state = state + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+            (state,) = rk4_unrolled(lambda at, held=held: (rate(*at, held),), (state,), step)
             if not np.abs(state[:8]).max() < _ABSURD:
                 break
             result[i + 1] = state[:8]

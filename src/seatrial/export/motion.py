@@ -92,7 +92,7 @@ def coriolis_force(mass: Float[np.ndarray, "6 6"], nu: Velocity) -> Velocity:
     """Return C(nu) nu of a mass matrix: (omega x P, v x P + omega x L) with (P, L) = M nu."""
     momentum = np.tensordot(mass, nu, 1)
     v, omega, linear, angular = nu[:3], nu[3:], momentum[:3], momentum[3:]
-    return np.concatenate([_cross(omega, linear), _cross(v, linear) + _cross(omega, angular)])
+    return np.concatenate([cross(omega, linear), cross(v, linear) + cross(omega, angular)])
 
 
 def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, theta: Any) -> Velocity:
@@ -105,8 +105,9 @@ def restoring_force(net: float, righting: Float[np.ndarray, " 3"], phi: Any, the
         theta: pitch, rad.
     """
     down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
-    return np.concatenate([net * down, _cross(righting, down)])
+    return np.concatenate([net * down, cross(righting, down)])
 
 
-def _cross(a: Any, b: Any) -> Any:
+def cross(a: Any, b: Any) -> Any:
+    """Return the vector product of arrays whose first axis counts components, shape (3, …)."""
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -104,20 +104,10 @@ def _vehicle(content: dict[str, Any]) -> ExportedVehicle:
 
 
 def _check_numbers(vehicle: ExportedVehicle) -> None:
-    """Refuse numbers that no vehicle has."""
-    hull = vehicle.hull
-    if hull.mass is not None and hull.mass <= 0:
-        raise _contradiction("body.mass", hull.mass, "more than 0 kg")
-    for key, share in (("thrust_deduction", hull.thrust_deduction), ("wake", hull.wake)):
-        if not -1 < share < 1:
-            raise _contradiction(f"body.{key}", share, "a share between -1 and 1")
-    for name, actuator in vehicle.actuators.items():
-        if name not in vehicle.model().controls:
+    """Refuse numbers that no vehicle has, beside those that its parts refuse themselves."""
+    for name in vehicle.actuators:
+        if name not in vehicle.controls:
             raise _contradiction(f"actuators.{name}", name, "a control of the vehicle")
-        if not (actuator.lower <= actuator.upper and actuator.rate > 0 and actuator.time_constant >= 0):
-            raise _contradiction(
-                f"actuators.{name}", actuator, "lower below upper, a positive rate, and no negative lag"
-            )
     spread, sd = vehicle.estimated.covariance, vehicle.estimated.sd
     if sd.size and np.linalg.eigvalsh(spread / np.outer(sd, sd))[0] < -_ROUNDING:
         raise _contradiction("estimated.covariance", "impossible correlations", "a covariance")
@@ -171,10 +161,7 @@ def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
         raise ValueError("a covariance that is not symmetric, or a diagonal other than sd^2")
     averaged = tuple(
         AveragedCoefficient(
-            CoefficientName.parse(one["name"]).text,
-            _number(one["mean"]),
-            _number(one["sd"]),
-            _number(one["inclusion"]),
+            CoefficientName.parse(one["name"]).text, *(_number(one[key]) for key in ("mean", "sd", "inclusion"))
         )
         for one in table.get("averaged", ())
     )

@@ -4,7 +4,7 @@ Added masses keep their names (`X_udot`, negative); `added_mass` is the positive
 from the coefficients or None in the hull, never zero by default.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isclose
@@ -164,6 +164,13 @@ class ExportedVehicle:
         return [f"limits and lag of {name}" for name in self.controls if name not in self.actuators] + lags
 
     @property
+    def absent(self) -> list[str]:
+        """What is not known of it, in words: velocities and actuators."""
+        return [
+            f"everything about {rate}" for rate in RATES if rate not in (*self.moves, *self.given)
+        ] + self.unknown_drives
+
+    @property
     def is_whole(self) -> bool:
         """Whether everything is known that a simulator of six degrees of freedom needs."""
         return self.hull.mass is not None and set(self.moves) == set(RATES) and None not in self.hull.inertia
@@ -200,19 +207,25 @@ class ExportedVehicle:
         """Names of its controls."""
         return tuple(name for name in self.model().controls if name not in self.given)
 
-    def model(self) -> VehicleModel:
-        """Return the same vehicle as a model whose coefficients are all fixed; its attitude is kept by Euler angles."""
-        forces = self.forces
-        added = {name: value for name, value in self.coefficients.items() if name not in forces}
+    def model(self, free: Iterable[str] | None = None, **states: tuple[str, ...]) -> VehicleModel:
+        """Return the same vehicle as a model without actuators, whose attitude is kept by Euler angles.
+
+        Args:
+            free: its parameters, coefficients and numbers of the thrust law; all but added masses if None.
+            states: `positions` and `angles` that it has.
+        """
+        free = [*self.forces, *self.thrust_law] if free is None else list(free)
+        fixed = {name: value for name, value in self.coefficients.items() if name not in free}
         return whole_vehicle(
-            replace(self.hull, fixed=added),
-            tuple(forces),
+            replace(self.hull, fixed=fixed),
+            tuple(name for name in self.coefficients if name in free),
             moves=self.moves,
             given=self.given,
             attitude="euler",
             added_coriolis=self.added_coriolis,
             thrusters=self.thrusters,
-            unknowns=tuple(self.thrust_law),
+            unknowns=tuple(name for name in self.thrust_law if name in free),
+            **states,
         )
 
     def with_numbers(self, numbers: Mapping[str, EstimatedNumber]) -> "ExportedVehicle":
@@ -263,26 +276,32 @@ def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
     )
 
 
-def require_whole(vehicle: ExportedVehicle, target: str) -> None:
-    """Refuse a vehicle of which a simulator would have to invent a part.
+def require_known(vehicle: ExportedVehicle, target: str, moves: tuple[str, ...] = RATES) -> None:
+    """Refuse a vehicle of which a target would have to invent a part.
+
+    Args:
+        vehicle: to export.
+        target: name, for the error.
+        moves: velocities that the target simulates.
 
     Raises:
-        InputError: it does not move in six degrees of freedom, or its mass or inertia is unknown.
+        InputError: one of them does not move, or the mass or the inertia of an axis that turns is unknown.
     """
-    if vehicle.is_whole:
+    missing = [rate for rate in moves if rate not in vehicle.moves]
+    inertia = zip("xyz", RATES[3:], vehicle.hull.inertia, strict=True)
+    unknown = [f"I_{axis}{axis}" for axis, rate, value in inertia if rate in moves and value is None]
+    unknown += ["mass"] if vehicle.hull.mass is None else []
+    if not (missing or unknown):
         return
-    missing = [rate for rate in RATES if rate not in vehicle.moves]
-    unknown = [f"I_{axis}{axis}" for axis, value in zip("xyz", vehicle.hull.inertia, strict=True) if value is None]
     parts = [f"nothing about {' '.join(missing)}"] if missing else []
     parts += [f"no {', '.join(unknown)}"] if unknown else []
-    rest, known = rest_for(vehicle), "export to json or csv, which contain all known values"
+    rest = rest_for(vehicle)
     raise InputError(
         f'vehicle "{vehicle.name}", export to {target}',
-        found="; ".join(parts) or "an unknown mass",
-        expected="six degrees of freedom, because the target simulates all of them",
-        remedy=f"for a campaign, take the rest from a published vehicle, `{FILL_FROM} {rest}`; or {known}"
-        if rest
-        else known,
+        found="; ".join(parts),
+        expected=f"mass, and inertia and motion in {' '.join(moves)}, because the target simulates them",
+        remedy=(f"for a campaign, take the rest from a published vehicle, `{FILL_FROM} {rest}`; or " if rest else "")
+        + "export to json or csv, which contain all known values",
     )
 
 

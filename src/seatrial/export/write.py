@@ -13,7 +13,6 @@ from seatrial import __version__
 from seatrial.core.argument_checks import check_number
 from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.files import write_bytes, write_text
-from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import changes, command_line, growth_rate, plan_for, run_manoeuvre
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, MotionChange, Statement
@@ -204,13 +203,11 @@ def of_catalogue(name: str) -> tuple[ExportedVehicle, ExportProvenance]:
             remedy=nearest(name, names),
         )
     vehicle = of_published(name, load_vehicle(name))
-    absent = [f"everything about {rate}" for rate in RATES if rate not in vehicle.moves]
-    absent += vehicle.unknown_drives
     return vehicle, ExportProvenance(
         f"catalogue {name}",
         f"{vehicle.name}, as published",
         version=__version__,
-        absent=(", ".join(absent),) if absent else (),
+        absent=(", ".join(vehicle.absent),) if vehicle.absent else (),
     )
 
 

@@ -7,9 +7,9 @@ Source: CasADi's documentation of `SX` and `Function` (version 3.8).
 
 from dataclasses import dataclass
 
-from seatrial.export.equations import check_mass, listed_numbers, python_module
+from seatrial.export.equations import listed_numbers, python_module
 from seatrial.export.target import Exporter, Statement
-from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
+from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle, require_known
 from seatrial.export.xml_text import identifier
 
 
@@ -22,7 +22,7 @@ class CasadiModule(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        check_mass(vehicle, self.name)
+        require_known(vehicle, self.name, vehicle.moves)
         super().check(vehicle)
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:

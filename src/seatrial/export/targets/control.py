@@ -82,9 +82,10 @@ class Control(Exporter):
         """See `Exporter`."""
         models = self._models(vehicle)[1]
         head = "".join(f"# {line}\n" for whole in statement.lines for line in whole.splitlines() or [""])
-        parts = {part.name: list(part.states) for part in parts_of(vehicle, models[0])}
-        drives = {part.name: [part.input, part.direction.tolist()] for part in parts_of(vehicle, models[0])}
-        module = head + _MODULE.replace("@PARTS@", json.dumps(parts)).replace("@DRIVES@", json.dumps(drives))
+        parts = parts_of(vehicle, models[0])
+        states = {part.name: list(part.states) for part in parts}
+        drives = {part.name: [part.input, part.direction.tolist()] for part in parts}
+        module = head + _MODULE.replace("@PARTS@", json.dumps(states)).replace("@DRIVES@", json.dumps(drives))
         files: dict[str, str | bytes] = {
             "linear_models.py": module,
             "linear_models.mat": _mat_file(models, "\n".join(statement.lines), self.target),
@@ -162,10 +163,11 @@ def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
     from scipy.io import savemat
 
     first = models[0]
-
-    def last(arrays: list[np.ndarray], rows: slice) -> np.ndarray:
-        return np.moveaxis(np.stack([array[rows] for array in arrays], 1), (0, 1), (-2, -1))
-
+    attributes = {"A": "a", "B": "b", "trim_states": "state", "trim_inputs": "control"}
+    arrays = {
+        key: np.moveaxis(np.stack([getattr(model, one) for model in models], 1), (0, 1), (-2, -1))
+        for key, one in attributes.items()
+    }
     content: Mapping[str, object] = {
         "about": about,
         "states": np.array(first.states, object),
@@ -174,16 +176,10 @@ def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
         "state_units": np.array([signal_unit(name.removesuffix("_act")) for name in first.states], object),
         "input_units": np.array([signal_unit(name) for name in first.inputs], object),
         "speeds": np.array([model.speed for model in models]),
-        "A": last([model.a for model in models], slice(1))[:, :, 0],
-        "B": last([model.b for model in models], slice(1))[:, :, 0],
         "C": first.c,
         "D": np.zeros((len(first.outputs), len(first.inputs))),
-        "trim_states": last([model.state for model in models], slice(1))[:, 0],
-        "trim_inputs": last([model.control for model in models], slice(1))[:, 0],
-        "ensemble_trim_states": last([model.state for model in models], slice(1, None)),
-        "ensemble_trim_inputs": last([model.control for model in models], slice(1, None)),
-        "ensemble_A": last([model.a for model in models], slice(1, None)),
-        "ensemble_B": last([model.b for model in models], slice(1, None)),
+        **{key: array[..., 0, :] for key, array in arrays.items()},
+        **{f"ensemble_{key}": array[..., 1:, :] for key, array in arrays.items()},
     }
     stream = io.BytesIO()
     savemat(stream, content, oned_as="column")

@@ -18,9 +18,9 @@ from uuid import UUID
 from seatrial.core.errors import needing_extra
 from seatrial.core.files import write_text
 from seatrial.core.signals import CURRENT_COMPONENTS, signal_unit
-from seatrial.export.equations import check_mass, docstring_line, parameters_of, python_module, states_of
+from seatrial.export.equations import docstring_line, parameters_of, python_module, states_of
 from seatrial.export.target import Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.export.xml_text import identifier
 
 STEP = 0.01  # Longest step of the integration inside the unit, s, unless its parameter `step` says otherwise
@@ -36,7 +36,7 @@ class CoSimulationUnit(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        check_mass(vehicle, self.name)
+        require_known(vehicle, self.name, vehicle.moves)
         super().check(vehicle)
         with _packing():
             import pythonfmu  # noqa: F401  # pyright: ignore[reportMissingImports]  (refused before anything is computed)

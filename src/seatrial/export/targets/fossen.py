@@ -13,7 +13,7 @@ from seatrial.export.equations import docstring_line, listed_numbers, python_mod
 from seatrial.export.manoeuvre import contrary_to
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.export.xml_text import identifier
 
 _TORPEDO = ("delta_r", "delta_s", "n")  # The simulator's own controls, in its order
@@ -30,7 +30,7 @@ class Fossen(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        require_whole(vehicle, self.name)
+        require_known(vehicle, self.name)
         super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:

@@ -8,6 +8,7 @@ Sources: gz-sim `src/systems/{hydrodynamics,thruster,lift_drag,buoyancy}`, sdfor
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from math import isfinite
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
-from seatrial.export.motion import Motion, current_in, force_of, motion_with
+from seatrial.export.motion import Motion, cross, current_in, force_of, motion_with
 from seatrial.export.rigid_body import (
     DENSITY,
     SIGN,
@@ -46,7 +47,7 @@ from seatrial.export.terms import (
     with_gains,
     without,
 )
-from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.export.xml_text import XML_HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES
@@ -56,30 +57,6 @@ DIAMETER = 0.1  # Of every propeller, m: only its product with the thrust coeffi
 # Mass, kg, and moments of inertia, kg m^2, of a propeller or fin; they are taken out of the hull's.
 PART, PART_INERTIA = 1e-3, 1e-6
 _NO_LIMIT = 1e9  # Limit of a command where none is known; without one Gazebo takes 1000
-_UPPER = [
-    "xx",
-    "xy",
-    "xz",
-    "xp",
-    "xq",
-    "xr",
-    "yy",
-    "yz",
-    "yp",
-    "yq",
-    "yr",
-    "zz",
-    "zp",
-    "zq",
-    "zr",
-    "pp",
-    "pq",
-    "pr",
-    "qq",
-    "qr",
-    "rr",
-]
-_SIX = "xyzpqr"
 
 
 @dataclass(frozen=True)
@@ -105,7 +82,7 @@ class Gz(Exporter):
                 expected=" or ".join(ENGINES),
                 remedy="dart is Gazebo's default",
             )
-        require_whole(vehicle, self.name)
+        require_known(vehicle, self.name)
         super().check(vehicle)
         if is_asymmetric(vehicle):
             raise InputError(
@@ -186,9 +163,7 @@ def _drift_force(vehicle: ExportedVehicle) -> Motion:
     added = vehicle.added_mass[:, :3]
 
     def force(nu: Any, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Any:
-        water, (p, q, r) = current_in(controls), nu[3:]
-        turned = np.array([q * water[2] - r * water[1], r * water[0] - p * water[2], p * water[1] - q * water[0]])
-        return np.tensordot(added, turned, 1)
+        return np.tensordot(added, cross(nu[3:], current_in(controls)), 1)
 
     return force
 
@@ -283,8 +258,8 @@ def _model(options: Gz, vehicle: ExportedVehicle, name: str) -> str:
 
 
 def _added_mass(vehicle: ExportedVehicle) -> str:
-    matrix = flip(vehicle.added_mass)
-    rows = [f"          <{key}>{number(matrix[_SIX.index(key[0]), _SIX.index(key[1])])}</{key}>" for key in _UPPER]
+    matrix, keys = flip(vehicle.added_mass), combinations_with_replacement(enumerate("xyzpqr"), 2)
+    rows = [f"          <{a}{b}>{number(matrix[i, j])}</{a}{b}>" for (i, a), (j, b) in keys]
     return "\n".join(["        <fluid_added_mass>", *rows, "        </fluid_added_mass>"])
 
 

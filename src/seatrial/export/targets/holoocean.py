@@ -14,6 +14,7 @@ from math import degrees, exp, inf, isfinite, log, pi, radians, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
@@ -22,7 +23,7 @@ from seatrial.export.motion import Motion, coriolis_force, restoring_force
 from seatrial.export.rigid_body import DENSITY, drives_of
 from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
-from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import GRAVITY, Hull, rigid_mass_matrix
 from seatrial.vehicles.remus100_fossen import CROSS_FLOW, STRIPS
@@ -33,7 +34,9 @@ from seatrial.vehicles.remus100_fossen import CROSS_FLOW, STRIPS
 # T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7, eqs.
 # (8.65) to (8.70), as HoloOcean 2 has it in `fossen_dynamics/{torpedo,actuator,helper_functions}.py`.
 
-_AREA = 0.7
+_AREA = 0.7  # Of the wing that lifts as the hull does, by length times diameter
+_EFFICIENCY = 0.7  # Of this wing
+_ROLL_SHARE = 0.3  # Added inertia in roll by that of the body
 # Density by which lift, drag and cross-flow go, whatever the agent's `rho` is, kg/m^3: it stands in the formulas.
 WATER = 1026.0
 
@@ -50,9 +53,7 @@ class Torpedo(NamedTuple):
     half_length: float
     radius: float
     low: float
-    roll_share: float
     drag: float
-    efficiency: float
     surge_time: float
     sway_time: float
     yaw_time: float
@@ -80,26 +81,33 @@ def slenderness(surge: float) -> float:
     return float(brentq(lambda ratio: lamb_factors(ratio)[0] - surge, 1.001, 1000.0))
 
 
+def spheroid_masses(
+    mass: float, half: float, radius: float, low: float
+) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 6"]]:
+    """Return the mass matrices of a spheroid about its centre: of the rigid body, whose centre of gravity lies below it, and added, SI.
+
+    Args:
+        mass: kg.
+        half: half length, m.
+        radius: m.
+        low: depth of the centre of gravity below the centre, m.
+    """
+    k1, k2, k3 = lamb_factors(half / radius)
+    roll, pitch = 0.4 * mass * radius**2, 0.2 * mass * (half**2 + radius**2)
+    steiner = mass * low**2
+    inertia = (roll + steiner, pitch + steiner, pitch)
+    rigid = rigid_mass_matrix(Hull("torpedo", mass, inertia, centre_of_gravity=(0.0, 0.0, low)))
+    return rigid, np.diag([mass * k1, mass * k2, mass * k2, _ROLL_SHARE * roll, k3 * pitch, k3 * pitch])
+
+
 def torpedo_motion(t: Torpedo) -> Motion:
     """Return its accelerations, in our axes and with our controls."""
-    k1, k2, k3 = lamb_factors(t.half_length / t.radius)
-    roll, pitch = 0.4 * t.mass * t.radius**2, 0.2 * t.mass * (t.half_length**2 + t.radius**2)
-    steiner = t.mass * t.low**2
-    rigid = rigid_mass_matrix(
-        Hull("torpedo", t.mass, (roll + steiner, pitch + steiner, pitch), centre_of_gravity=(0.0, 0.0, t.low))
-    )
-    added = np.diag([t.mass * k1, t.mass * k2, t.mass * k2, t.roll_share * roll, k3 * pitch, k3 * pitch])
+    rigid, added = spheroid_masses(t.mass, t.half_length, t.radius, t.low)
     total = rigid + added
     inverse, weight = np.linalg.inv(total), t.mass * GRAVITY
-    frequencies = [sqrt(weight * t.low / total[i, i]) for i in (3, 4)]
-    shares = (
-        1 / t.surge_time,
-        1 / t.sway_time,
-        1 / t.sway_time,
-        2 * t.roll_ratio * frequencies[0],
-        2 * t.pitch_ratio * frequencies[1],
-        1 / t.yaw_time,
-    )
+    roll, pitch = (2 * sqrt(weight * t.low / total[i, i]) for i in (3, 4))
+    sway, turning = 1 / t.sway_time, (t.roll_ratio * roll, t.pitch_ratio * pitch, 1 / t.yaw_time)
+    shares = (1 / t.surge_time, sway, sway, *turning)
     damping = np.diag(total) * np.array(shares)
     righting = np.array([0.0, 0.0, t.low * weight])
 
@@ -135,7 +143,7 @@ def _lift(t: Torpedo, nu: np.ndarray) -> np.ndarray:
     aspect = width**2 / area
     angle = np.arctan2(w, u)
     lift = pi * aspect / (1 + sqrt(1 + (aspect / 2) ** 2)) * angle
-    drag = t.drag * pi * t.radius**2 / area + lift**2 / (pi * t.efficiency * aspect)
+    drag = t.drag * pi * t.radius**2 / area + lift**2 / (pi * _EFFICIENCY * aspect)
     pressure = 0.5 * WATER * area * float(nu[:3] @ nu[:3])
     ahead = pressure * (lift * np.sin(angle) - drag * np.cos(angle))
     return np.array([ahead, 0.0, -pressure * (lift * np.cos(angle) + drag * np.sin(angle)), 0.0, 0.0, 0.0])
@@ -180,7 +188,7 @@ class HoloOcean(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        require_whole(vehicle, self.name)
+        require_known(vehicle, self.name)
         super().check(vehicle)
         surge = vehicle.added_mass[0, 0] / vehicle.rigid_mass[0, 0]
         low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
@@ -248,6 +256,7 @@ class HoloOcean(Exporter):
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
+        torpedo = torpedo_of(vehicle, self.density)
         content = {
             "about": [
                 *statement.lines,
@@ -264,8 +273,8 @@ class HoloOcean(Exporter):
                     "sensors": [
                         {"sensor_type": "DynamicsSensor", "configuration": {"UseCOM": True, "UseRPY": False}},
                     ],
-                    "dynamics": dynamics_table(torpedo_of(vehicle, self.density), vehicle),
-                    "actuator": actuator_table(torpedo_of(vehicle, self.density), vehicle),
+                    "dynamics": dynamics_table(torpedo),
+                    "actuator": actuator_table(torpedo, vehicle),
                 }
             ],
         }
@@ -279,11 +288,9 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     radius = (mass / (4 / 3 * pi * density * ratio)) ** (1 / 3)
     half = ratio * radius
     low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
-    k1, k2, k3 = lamb_factors(ratio)
-    roll, pitch = 0.4 * mass * radius**2, 0.2 * mass * (half**2 + radius**2)
-    total_roll, total_pitch = roll + mass * low**2 + 0.3 * roll, pitch + mass * low**2 + k3 * pitch
-    total_yaw = pitch + k3 * pitch
-    frequency = [(mass * 9.81 * low / inertia) ** 0.5 for inertia in (total_roll, total_pitch)]
+    total = np.diag(sum(spheroid_masses(mass, half, radius, low))).tolist()
+    # of roll and pitch, by which a damping ratio goes
+    critical = [2 * sqrt(mass * GRAVITY * low * inertia) for inertia in total[3:5]]
 
     def damping(axis: int) -> float:
         """Return positive linear damping of the same power."""
@@ -302,14 +309,12 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
         half,
         radius,
         low,
-        0.3,
         2 * ahead / (WATER * pi * radius**2),
-        0.7,
-        mass * (1 + k1) / surge if surge > 0 else _NEVER,
-        mass * (1 + k2) / sway if sway > 0 else _NEVER,
-        total_yaw / damping(5) if damping(5) > 0 else _NEVER,
-        max(0.0, damping(3)) / (2 * frequency[0] * total_roll),
-        max(0.0, damping(4)) / (2 * frequency[1] * total_pitch),
+        total[0] / surge if surge > 0 else _NEVER,
+        total[1] / sway if sway > 0 else _NEVER,
+        total[5] / damping(5) if damping(5) > 0 else _NEVER,
+        max(0.0, damping(3)) / critical[0],
+        max(0.0, damping(4)) / critical[1],
         sum(moments) / len(moments) / (density * half) if moments else 0.0,
         drives[0].factor or 0.0 if drives else 0.0,
         vehicle.forces.get("K_nabsn", 0.0),
@@ -318,7 +323,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     )
 
 
-def dynamics_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]:
+def dynamics_table(torpedo: Torpedo) -> dict[str, Any]:
     """Return the `dynamics` of the agent."""
     return {
         "rho": torpedo.density,
@@ -327,10 +332,10 @@ def dynamics_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
         "diam": 2 * torpedo.radius,
         "r_bg": [0.0, 0.0, torpedo.low],
         "r_bb": [0.0, 0.0, 0.0],
-        "r44": torpedo.roll_share,
+        "r44": _ROLL_SHARE,
         "Cd": torpedo.drag,
-        "e": torpedo.efficiency,
-        "area_fraction": 0.7,
+        "e": _EFFICIENCY,
+        "area_fraction": _AREA,
         "T_surge": torpedo.surge_time,
         "T_sway": torpedo.sway_time,
         "T_yaw": torpedo.yaw_time,

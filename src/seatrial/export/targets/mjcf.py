@@ -12,11 +12,11 @@ Source: MuJoCo's documentation of MJCF, `mjcb_passive` and `mjcb_act_dyn` (versi
 from dataclasses import dataclass, replace
 from math import isfinite, pi
 
-from seatrial.export.equations import check_mass, lagging, python_module
+from seatrial.export.equations import lagging, python_module
 from seatrial.export.motion import motion_of
 from seatrial.export.rigid_body import DENSITY, body_of, flip, gravity_of, volume_of
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.export.xml_text import comment, identifier, number, numbers
 from seatrial.vehicles.hull import rigid_mass_matrix
 
@@ -32,7 +32,7 @@ class Mujoco(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        check_mass(vehicle, self.name)
+        require_known(vehicle, self.name, vehicle.moves)
         super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:

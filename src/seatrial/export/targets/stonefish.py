@@ -34,7 +34,7 @@ from seatrial.export.terms import (
     thrust_law_losses,
     with_gains,
 )
-from seatrial.export.vehicle import ExportedVehicle, require_whole
+from seatrial.export.vehicle import ExportedVehicle, require_known
 from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numbers, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
@@ -61,7 +61,7 @@ class Stonefish(Exporter):
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        require_whole(vehicle, self.name)
+        require_known(vehicle, self.name)
         super().check(vehicle)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
@@ -425,21 +425,8 @@ def _cut(vertices: list[Float[np.ndarray, " 3"]], faces: list[tuple[int, int, in
 
 # A plate of 2 x 10 x 10 cm.
 _PART = "".join(f"v {x} {y} {z}\n" for x in (-0.01, 0.01) for y in (-0.05, 0.05) for z in (-0.05, 0.05)) + "".join(
-    f"f {face}\n"
-    for face in (
-        "1 2 4",
-        "1 4 3",
-        "5 7 8",
-        "5 8 6",
-        "1 5 6",
-        "1 6 2",
-        "3 4 8",
-        "3 8 7",
-        "1 3 7",
-        "1 7 5",
-        "2 6 8",
-        "2 8 4",
-    )
+    f"f {a} {b} {c}\n"
+    for a, b, c in ("124", "143", "578", "586", "156", "162", "348", "387", "137", "175", "268", "284")
 )
 
 

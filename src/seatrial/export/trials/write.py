@@ -13,6 +13,7 @@ import numpy as np
 
 from seatrial.core.errors import InputError, needing_extra, not_among
 from seatrial.core.files import write_text
+from seatrial.export.equations import docstring_line
 from seatrial.export.trials.trial import NEUTRAL, Trial, value_at
 
 FORMAT = 1
@@ -148,14 +149,7 @@ def trial_script(trial: Trial) -> str:
     )
     code = files("seatrial.export.trials").joinpath("mavlink_script.py").read_text(encoding="utf-8")
     imports, _, rest = code[code.index("from __future__") :].partition(_BEGIN)
-    # The text stands in a docstring of the script.
-    head = _DOC.replace("@FULL@", repr(full)).replace(
-        "@DOC@",
-        "\n".join(
-            "".join(c if c.isprintable() else " " for c in line).replace("\\", "/").replace('"', "'")
-            for line in trial.lines
-        ),
-    )
+    head = _DOC.replace("@FULL@", repr(full)).replace("@DOC@", "\n".join(map(docstring_line, trial.lines)))
     own = f"""CONTROL, UNIT = {trial.control!r}, {unit!r}
 AXIS, SIGN = {stick.axis!r}, {stick.sign}
 LOWER, UPPER, RATE = {bounds[0]!r}, {bounds[1]!r}, {rate!r}
