@@ -59,6 +59,7 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
     acting = [(AXES.index(name.axis), name, value) for name, value in named if name.axis in AXES]
     share, inflow = 1.0 - hull.thrust_deduction, 1.0 - hull.wake
     righting, law = np.array(hull.righting), vehicle.thrust_law
+    pushing = [(one, control, share * np.array(one.column)) for _, one, control in vehicle.acting_thrusters]
 
     def force(nu: Velocity, phi: Any, theta: Any, controls: Mapping[str, Any]) -> Velocity:
         nu = np.asarray(nu, float)
@@ -71,13 +72,13 @@ def force_of(vehicle: ExportedVehicle) -> Motion:
         if not vehicle.thrusters and thrust:
             local = {**known, "u": inflow * known["u"]}
             result[0] += share * sum(value * name.regressor(local, hull.trim) for name, value in thrust)
-        for _, thruster, control in vehicle.acting_thrusters:
+        for thruster, control, column in pushing:
             push = beyond_dead_zone(law, control, controls[control])
             if thrust:
                 local = {**known, control[0]: push, "u": inflow * thruster.inflow(tuple(nu))}
                 push = sum(value * name.regressor(local, hull.trim) for name, value in thrust)
             push = real_thrust(law, control, push)
-            result += share * np.multiply.outer(np.array(thruster.column), push)
+            result += np.multiply.outer(column, push)
         return result
 
     return force

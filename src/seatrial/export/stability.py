@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Float
 from scipy.linalg import eigh
 
 from seatrial.core.coefficients import CoefficientName
@@ -104,19 +105,28 @@ def dissipation_findings(
         samples: number of motions.
         seed: of the samples.
     """
-    ranges = np.array([speeds.get(rate, 0.0) for rate in RATES])
-    motions = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, 6)) * ranges
-    signals = dict(zip(RATES, motions.T, strict=True))
-    power, share = np.zeros(samples), np.zeros(samples)
-    for name in map(CoefficientName.parse, values):
-        if _is_damping(name):
-            part = signals[RATES[AXES.index(name.axis)]] * values[name.text] * name.regressor(signals, {})
-            power, share = power + part, share + np.abs(part)
+    motions, each = _power_by_coefficient(tuple(values), tuple(speeds.items()), samples, seed)
+    coefficients = np.array([*values.values()], float)
+    power, share = coefficients @ each, np.abs(coefficients) @ np.abs(each)
     worst = int(np.argmax(power - 1e-9 * share))
     if not power[worst] > 1e-9 * share[worst]:
         return []
     motion = ", ".join(f"{rate} = {x:.3g}" for rate, x in zip(RATES, motions[worst], strict=True) if x)
     return [f"damping gives {power[worst]:.3g} W in the motion {motion}; it must dissipate in every motion"]
+
+
+@lru_cache(maxsize=64)
+def _power_by_coefficient(
+    names: tuple[str, ...], speeds: tuple[tuple[str, float], ...], samples: int, seed: int
+) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "k n"]]:
+    """Return random motions, and the power in each of a unit of each coefficient, SI; 0 of one that is no damping."""
+    ranges = [dict(speeds).get(rate, 0.0) for rate in RATES]
+    motions = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, 6)) * ranges
+    signals, power = dict(zip(RATES, motions.T, strict=True)), np.zeros((len(names), samples))
+    for i, name in enumerate(map(CoefficientName.parse, names)):
+        if _is_damping(name):
+            power[i] = signals[RATES[AXES.index(name.axis)]] * name.regressor(signals, {})
+    return motions, power
 
 
 def _check_mass(vehicle: ExportedVehicle, place: str) -> None:
@@ -145,7 +155,6 @@ def _culprit(vehicle: ExportedVehicle, speeds: dict[str, float]) -> str | None:
     return None
 
 
-@lru_cache(maxsize=1024)
 def _is_damping(name: CoefficientName) -> bool:
     """Return whether a term is damping: of velocities alone, and no plain product of two."""
     plain = all(factor.signal in RATES and not factor.change and not factor.derivative for factor in name.factors)
