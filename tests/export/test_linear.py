@@ -148,7 +148,7 @@ def test_modes_without_data_are_named():
     known = numbers(unsure, 1.5, ensemble_of(unsure, 64))
     derived = [known["surge", name] for name in ("pole of u", "time constant of u", "gain u by n")]
     assert [one.verdict for one in derived] == ["undetermined"] * 3
-    assert min(one.sd / abs(one.value) for one in derived) < 0.5, "by its mode, whatever its own ± is"
+    assert min((one.sd or 0.0) / abs(one.value) for one in derived) < 0.5, "by its mode, whatever its own ± is"
 
 
 def test_speeds_that_no_control_holds_say_what_holds_them_or_are_refused():

@@ -124,7 +124,7 @@ def simulate(
     with np.errstate(all="ignore"):
         for i in range(count):
             held = _within(controls(i * step), actuators)
-            (state,) = rk4_unrolled(lambda at, held=held: (rate(*at, held),), (state,), step)
+            (state,) = rk4_unrolled(lambda at, held=held: (rate(at[0], held),), (state,), step)
             if not np.abs(state[:8]).max() < _ABSURD:
                 break
             result[i + 1] = state[:8]
