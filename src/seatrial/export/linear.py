@@ -20,6 +20,7 @@ from seatrial.core.coefficients import CoefficientName
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL, RATES, signal_unit
 from seatrial.export.ensemble import Ensemble
+from seatrial.export.equations import lagging
 from seatrial.export.manoeuvre import DEFAULT_SPEED
 from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.linearise import slopes_and_rates
@@ -58,6 +59,7 @@ class LinearModel:
         control: trim, shape (1 + n, c).
         a: shape (1 + n, d, d).
         b: shape (1 + n, d, c).
+        direct: b as if actuators had no lags.
         balance: surge acceleration that holds the speed although no control can, m/s^2; 0 if a control does.
     """
 
@@ -69,6 +71,7 @@ class LinearModel:
     control: Float[np.ndarray, "m c"]
     a: Float[np.ndarray, "m d d"]
     b: Float[np.ndarray, "m d c"]
+    direct: Float[np.ndarray, "m d c"]
     balance: float
 
     @property
@@ -150,7 +153,7 @@ def parts_of(vehicle: ExportedVehicle, linear: LinearModel) -> list[Part]:
         at = [linear.states.index(state) for state in states]
         label, direction = _drive(vehicle, linear, output, drives) or ("", np.zeros(len(linear.inputs)))
         output = output if output in states else states[-1]
-        through = _direct(linear) @ direction
+        through = linear.direct @ direction
         is_estimated = any(CoefficientName.parse(one).axis in axes for one in vehicle.estimated.names)
         slopes = linear.a[:, at][:, :, at], through[:, at]
         parts.append(Part(name, states, output, label, direction, *slopes, is_estimated))
@@ -300,33 +303,19 @@ def _with_lags(
     balance: float,
 ) -> LinearModel:
     """Return the linear model with a state for each actuator that has a lag."""
-    d = len(model.states)
-    lags = {
-        name: one.time_constant
-        for name, one in vehicle.actuators.items()
-        if one.time_constant and name in model.controls
-    }
-    lagging, inputs = [model.controls.index(name) for name in lags], vehicle.controls
-    driven = [model.controls.index(name) for name in inputs]
-    a = np.zeros((len(points), d + len(lags), d + len(lags)))
-    b = np.zeros((len(points), d + len(lags), len(model.controls)))
-    a[:, :d, :d], b[:, :d] = slopes[:, :, :d], slopes[:, :, d:]
-    for i, (control, lag) in enumerate(zip(lagging, lags.values(), strict=True), d):
-        a[:, :d, i], b[:, :, control] = slopes[:, :, d + control], 0.0
-        a[:, i, i], b[:, i, control] = -1.0 / lag, 1.0 / lag
-    state = np.concatenate([points[:, :d], points[:, d:][:, lagging]], 1)
-    states = (*model.states, *(name + ACTUAL for name in lags))
-    control = points[:, d:][:, driven]
-    return LinearModel(speed, states, inputs, model.states, state, control, a, b[:, :, driven], balance)
-
-
-def _direct(linear: LinearModel) -> Float[np.ndarray, "m d c"]:
-    """Return B as if actuators had no lags."""
-    b = linear.b.copy()
-    for i, name in enumerate(linear.states):
-        if name.endswith(ACTUAL):
-            b[:, :, linear.inputs.index(name.removesuffix(ACTUAL))] = linear.a[:, :, i]
-    return b
+    d, late, inputs = len(model.states), lagging(vehicle), vehicle.controls
+    control = points[:, [d + model.controls.index(name) for name in inputs]]
+    direct = np.zeros((len(points), d + len(late), len(inputs)))
+    direct[:, :d] = slopes[:, :, [d + model.controls.index(name) for name in inputs]]
+    a, b = np.zeros((len(points), d + len(late), d + len(late))), direct.copy()
+    a[:, :d, :d] = slopes[:, :, :d]
+    for i, name in enumerate(late, d):
+        place, rate = inputs.index(name), 1.0 / vehicle.actuators[name].time_constant
+        a[:, :, i], b[:, :, place] = direct[:, :, place], 0.0
+        a[:, i, i], b[:, i, place] = -rate, rate
+    state = np.concatenate([points[:, :d], control[:, [inputs.index(name) for name in late]]], 1)
+    states = (*model.states, *(name + ACTUAL for name in late))
+    return LinearModel(speed, states, inputs, model.states, state, control, a, b, direct, balance)
 
 
 def _drive(

@@ -51,9 +51,9 @@ def read_exported(path: Path | str) -> tuple[ExportedVehicle, ExportProvenance]:
             vehicle.model()
             _check_numbers(vehicle)
             _check_agreement(content, json.loads(json.dumps(described(vehicle))), "")
+        return vehicle, _provenance(content["provenance"])
     except (KeyError, TypeError, ValueError, AttributeError) as cause:
         raise _refusal(path, f"{type(cause).__name__} at {cause}") from cause
-    return vehicle, _provenance(path, content)
 
 
 def _vehicle(content: dict[str, Any]) -> ExportedVehicle:
@@ -168,22 +168,12 @@ def _estimated(table: dict[str, Any]) -> CoefficientEstimates:
     return CoefficientEstimates(names, mean, sd, covariance, averaged, str(table.get("quoted", "")))
 
 
-def _provenance(path: Path, content: dict[str, Any]) -> ExportProvenance:
-    try:
-        table = content["provenance"]
-        lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
-        current, speeds = _number(table.get("current", 0.0)), table.get("speeds")
-        return ExportProvenance(
-            table["run"],
-            table["title"],
-            table["structure"],
-            table["seatrial"],
-            **lists,
-            current=current,
-            speeds=speeds and (_number(speeds[0]), _number(speeds[1])),
-        )
-    except (KeyError, TypeError, ValueError) as cause:
-        raise _refusal(path, f"no provenance ({cause})") from cause
+def _provenance(table: dict[str, Any]) -> ExportProvenance:
+    lists = {key: tuple(table[key]) for key in ("dropped", "absent", "sources", "cautions")}
+    current, speeds = _number(table.get("current", 0.0)), table.get("speeds")
+    speeds = speeds and (_number(speeds[0]), _number(speeds[1]))
+    texts = (table[key] for key in ("run", "title", "structure", "seatrial"))
+    return ExportProvenance(*texts, **lists, current=current, speeds=speeds)
 
 
 def _actuator(one: dict[str, Any]) -> Actuator:

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
@@ -67,13 +66,8 @@ def sorted_terms(forces: Mapping[str, float]) -> Sorted:
 
 def automatic_products(vehicle: ExportedVehicle) -> dict[Pair, float]:
     """Return the Coriolis forces that follow from the added mass, as products."""
-    return mass_products(vehicle.added_mass)
-
-
-def mass_products(matrix: Float[np.ndarray, "6 6"]) -> dict[Pair, float]:
-    """Return the Coriolis forces of a mass matrix, as products."""
     results = {}
-    for product in matrix_products(matrix):
+    for product in matrix_products(vehicle.added_mass):
         plain, _, _ = _parts(product.name)
         assert plain is not None
         results[AXES.index(product.name.axis), plain[0], plain[1]] = product.factor
