@@ -72,7 +72,7 @@ def scales_of(vehicle: ExportedVehicle) -> dict[str, float]:
 
 def _notes(vehicle: ExportedVehicle, scales: dict[str, float]) -> list[str]:
     order = ", ".join(f"{control} ({_label(control).split('(')[1]}" for control in scales)
-    lines = [f"u_control and u_actual: {order}."]
+    lines = [f"u_control and u_actual: {order}. u_actual, what lagging actuators do, begins at 0."]
     if set(scales) & set(_CONVENTION):
         lines.append(
             "The simulator's autopilot has a positive rudder turn to starboard, a positive stern plane put the nose down."
