@@ -74,11 +74,6 @@ class LinearModel:
     direct: Float[np.ndarray, "m d c"]
     balance: float
 
-    @property
-    def c(self) -> Float[np.ndarray, "o d"]:
-        """Output matrix; D is zero."""
-        return np.eye(len(self.states))[: len(self.outputs)]
-
 
 class Part(NamedTuple):
     """A subsystem without the lags of the actuators, driven along one direction of the controls."""

@@ -56,7 +56,6 @@ class Statement(NamedTuple):
         loss: by velocity, in the standard manoeuvre; a target that runs away has infinite ones, one that keeps the motion has none.
         manoeuvre: the standard manoeuvre in words.
         lines: all of it as text.
-        growth: rate at which the vehicle itself leaves straight motion ahead without control, 1/s; negative where it returns.
         loss_in_current: as `loss`, in the current that was estimated; None if there was none.
         estimated: which coefficients were estimated, and how well.
     """
@@ -67,7 +66,6 @@ class Statement(NamedTuple):
     loss: tuple[MotionChange, ...]
     manoeuvre: str
     lines: tuple[str, ...]
-    growth: float = 0.0
     loss_in_current: tuple[MotionChange, ...] | None = None
     estimated: CoefficientEstimates = CoefficientEstimates()
 

@@ -77,11 +77,10 @@ def state(exporter: Exporter, vehicle: ExportedVehicle, provenance: ExportProven
         lost_in(0.0),
         plan.words,
         (),
-        growth_rate(own, plan),
         lost_in(provenance.current) if provenance.current else None,
         vehicle.estimated,
     )
-    lines = _lines(vehicle, result, command_line(vehicle, carried, plan))
+    lines = _lines(vehicle, result, command_line(vehicle, carried, plan), growth_rate(own, plan))
     return result._replace(lines=(*lines, *exporter.notes(untethered(vehicle), provenance)))
 
 
@@ -240,7 +239,7 @@ def _options(kind: type[Exporter]) -> set[str]:
     return {field.name for field in fields(kind)} - {"name", "target"}
 
 
-def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> list[str]:
+def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str, growth: float) -> list[str]:
     provenance, carried = statement.provenance, statement.carried
     lines = [
         f"{provenance.title}, exported by seatrial {__version__} to {statement.target}",
@@ -278,10 +277,10 @@ def _lines(vehicle: ExportedVehicle, statement: Statement, commands: str) -> lis
         lines.append(
             f"the same through the water in the campaign's current, {provenance.current:.2g} m/s from abeam: {words}"
         )
-    if statement.growth > _SLOW_GROWTH and loss_words(statement.loss) != "none":
+    if growth > _SLOW_GROWTH and loss_words(statement.loss) != "none":
         lines.append(
             "at that speed the vehicle is unstable without control: small differences grow "
-            f"{np.exp(statement.growth):.1f} times each second, also those of unsupported terms"
+            f"{np.exp(growth):.1f} times each second, also those of unsupported terms"
         )
     return lines
 

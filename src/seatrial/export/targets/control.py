@@ -176,7 +176,7 @@ def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
         "state_units": np.array([signal_unit(name.removesuffix("_act")) for name in first.states], object),
         "input_units": np.array([signal_unit(name) for name in first.inputs], object),
         "speeds": np.array([model.speed for model in models]),
-        "C": first.c,
+        "C": np.eye(len(first.states))[: len(first.outputs)],
         "D": np.zeros((len(first.outputs), len(first.inputs))),
         **{key: array[..., 0, :] for key, array in arrays.items()},
         **{f"ensemble_{key}": array[..., 1:, :] for key, array in arrays.items()},
