@@ -155,6 +155,7 @@ def stand_in(monkeypatch):
     [
         pytest.param(*one.values, marks=[*one.marks, *([] if one.values == ("gz",) else [pytest.mark.proof])])
         for one in TARGETS
+        if one.values[0] in TWINS  # the others hold no one vehicle that moves
     ],
 )
 def test_every_control_moves_the_target_as_it_moves_the_vehicle(name, tmp_path):
