@@ -313,7 +313,7 @@ def test_a_control_that_changes_smoothly_and_is_taken_as_held_is_told_once(tmp_p
         feed(session, smooth, speeds(TRUTH["X_uabsu"], TRUTH["T_nabsn"], smooth))
         told[between] = [note for note in session.notes.take() if 'between = "line"' in note]
     assert len(told["held"]) == 1
-    assert "change at nearly every sample are used as steps: n;" in told["held"][0]
+    assert "change at nearly every sample are used as steps: n. " in told["held"][0]
     assert told["line"] == []
     session = Session(campaign, "simulated")
     feed(session, *trial(600))

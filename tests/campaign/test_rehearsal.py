@@ -194,7 +194,7 @@ def test_censored_vehicles_are_counted_and_said():
     assert found.honest_share("random").value == 0.0
     text = "\n".join(found.lines())
     assert "against random: redesigning each trial saves 1.00 ± 0.41 trials of 2.5" in text
-    assert "a vehicle that never met the goal counts as 3 trials" in text
+    assert "ot meet the goal counts as 3 trials, although it needs more" in text
     assert "2 of 6 draws from the prior diverged" in text
     assert [alarm.split(":")[0] for alarm in found.alarms()] == ["random"]
 
