@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from seatrial.campaign.config.load import check_text, load_campaign
 from seatrial.campaign.config.shape_campaign import shape_of_text
 from seatrial.campaign.config.templates import template_text
+from seatrial.campaign.data.no_record import truth_example
 from seatrial.cli.commands import init as asked
 from seatrial.cli.main import app
 from seatrial.cli.questions import answered, questions
@@ -123,6 +124,7 @@ def test_a_campaign_of_a_shape_is_valid(tmp_path, monkeypatch, capsys, words, te
     found = shape_of_text(words)
     assert campaign.priors["X_uabsu"].median == pytest.approx(found.priors["X_uabsu"].median, rel=5e-3)
     assert campaign.hull.inertia == pytest.approx(found.shape.inertia, rel=5e-3)
+    assert f"X_u = {campaign.priors['X_u'].median:.4g}\n" in truth_example(campaign)
 
 
 @pytest.mark.parametrize(

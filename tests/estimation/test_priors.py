@@ -21,6 +21,7 @@ from seatrial.estimation.priors import (
     TruncatedNormal,
     Uniform,
     half_normal,
+    nominal,
     physical_support,
     restricted,
     truncated_normal,
@@ -378,3 +379,12 @@ def test_a_term_on_its_physical_side_takes_energy_at_every_speed(name):
 def test_density_that_makes_no_prior_is_refused(density, bounds, found):
     with pytest.raises(InputError, match=found):
         Prior.from_logpdf(density, *bounds)
+
+
+def test_one_value_stands_for_a_prior():
+    """The mean, but of a logarithm the median: of a log-normal with a factor of 8 the mean is exp(ln(8)^2 / 2) = 8.7 times that."""
+    wide = LogNormal(-4.6, 8.0)
+    assert (nominal(wide), wide.mean) == pytest.approx((-4.6, -4.6 * 8.69), rel=1e-3)
+    assert nominal(LogUniform(0.01, 100.0)) == pytest.approx(1.0)
+    for prior in (Normal(3.0, 2.0), Uniform(-1.0, 4.0), half_normal(2.0, upper=0.0)):
+        assert nominal(prior) == pytest.approx(prior.mean)

@@ -15,7 +15,7 @@ from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError
 from seatrial.core.signals import ACTUAL
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.estimation.priors import Prior, by_kind
+from seatrial.estimation.priors import Prior, by_kind, nominal
 from seatrial.numerics.gaussian import Gaussian
 from seatrial.numerics.state_space import StateSpace
 from seatrial.vehicles.discretise import discretise
@@ -51,10 +51,10 @@ def normal_belief(draws: Float[np.ndarray, "S k"]) -> Gaussian:
 
 
 def normal_of(belief: Belief) -> Gaussian:
-    """Joint normal with the means and standard deviations of independent priors; a joint normal as it is."""
+    """Joint normal about the nominal values of independent priors, with their standard deviations; a joint normal as it is."""
     if isinstance(belief, Gaussian):
         return belief
-    return Gaussian(np.array([prior.mean for prior in belief]), np.diag([prior.sd for prior in belief]))
+    return Gaussian(np.array(list(map(nominal, belief))), np.diag([prior.sd for prior in belief]))
 
 
 def coefficient_space(

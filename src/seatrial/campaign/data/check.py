@@ -42,7 +42,7 @@ from seatrial.estimation.diagnostics.record_checks import (
     not_judged_yet,
 )
 from seatrial.estimation.posterior.first_guess import first_guess
-from seatrial.estimation.priors import Prior
+from seatrial.estimation.priors import Prior, nominal
 from seatrial.estimation.simulation.starts import first_measured, level_start
 from seatrial.messages.catalogue import ENTRIES
 from seatrial.messages.entry import filled_in
@@ -55,7 +55,7 @@ NO_CAUSE = ("not-excited", "rate-not-measured", "terms-alike", "limits-exceeded"
 # Standard deviation of a motion over its sensor's noise from which the part of a trial that has come tells its
 # direction
 MOVES = 2.0
-# Vehicles drawn from the priors, beside the one at their means, to see whether they go the same way
+# Vehicles drawn from the priors, beside the one at their nominal values, to see whether they go the same way
 MAX_PRIOR_VEHICLES = 32
 
 
@@ -150,7 +150,7 @@ def _stated(campaign: Campaign, record: Record) -> list[Finding]:
 
 
 def step_cautions(campaign: Campaign, trials: Trials) -> list[Finding]:
-    """Report of which fitted records the steps are too long to simulate this vehicle, by the prior means."""
+    """Report of which fitted records the steps are too long to simulate this vehicle, by the nominal values of the priors."""
     findings = []
     for record in (one for one in trials.fit if one.provenance.source != SIMULATED):
         model = campaign.model(campaign.full)
@@ -221,13 +221,11 @@ def _trial(
 
 
 def _believed(campaign: Campaign, model: VehicleModel) -> dict[str, np.ndarray]:
-    """Return the vehicle at the prior means, and some drawn from the priors: each coefficient and unknown, SI, shape (1 + d,)."""
+    """Return the vehicle at nominal values, and some drawn from the priors: each coefficient and unknown, SI, shape (1 + d,)."""
     names = (*(term.text for term in model.coefficients), *(one.name for one in model.unknowns))
     priors = tuple(campaign.prior(name) for name in names)
-    mean = np.array([float(prior.mean) for prior in priors])
-    tried = np.vstack(
-        [mean, draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), MAX_PRIOR_VEHICLES)]
-    )
+    drawn = draw_values(priors, random_key(campaign.seed, "vehicles of the priors"), MAX_PRIOR_VEHICLES)
+    tried = np.vstack([list(map(nominal, priors)), drawn])
     return dict(zip(names, tried.T, strict=True))
 
 
@@ -288,8 +286,7 @@ def _judge(campaign: Campaign, record: Record, size: int) -> RecordJudgement:
     elif judged.unsaid or turns:
         findings += _excitation_as_moved(record, plan, priors, control)
     else:
-        mean = np.array([float(prior.mean) for prior in priors])
-        findings += _excitation(plan, priors, mean, control)
+        findings += _excitation(plan, priors, np.array(list(map(nominal, priors))), control)
     return _judgement(campaign.accepted, record, findings, record_cautions(record, judged.feedback))
 
 

@@ -13,6 +13,7 @@ from seatrial.core.record import Record
 from seatrial.core.signals import RATES
 from seatrial.estimation.diagnostics.record_checks import ALARM_TURN_SDS, MIN_TURN, MIN_TURN_SDS
 from seatrial.estimation.posterior.first_guess import Turn, turn_of_sensor
+from seatrial.estimation.priors import nominal
 from seatrial.estimation.simulation.mounts import TURN, Mount
 from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.numerics.rotations import matrix_of_angles
@@ -25,14 +26,14 @@ MAX_MISSED_SHARE = 2.0
 
 
 def along_body(campaign: Campaign, record: Record) -> Record:
-    """Return a record with velocities and rates along the body, by the turns of their mounts, of which sought ones are at prior means."""
+    """Return a record with velocities and rates along the body, by the turns of their mounts, sought ones at their nominal values."""
     columns = {name: record.channel(name) for name in record.measured}
     for group, mount in ((group, _mount(campaign.sensor_models, group)) for group in SENSORS):
         measured = [name for name in group if name in columns]
         if mount is None or not measured:
             continue
         angles = [
-            float(campaign.prior(name).mean) if name in mount.unknown else stated
+            nominal(campaign.prior(name)) if name in mount.unknown else stated
             for name, stated in zip((f"{part}_{mount.name}" for part in TURN), mount.turn, strict=True)
         ]
         shown = np.stack([columns.get(name, np.zeros(record.time.size)) for name in group], axis=1)

@@ -4,6 +4,7 @@ from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.store.stored_result import Store
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
+from seatrial.estimation.priors import nominal
 
 
 def no_record(campaign: Campaign) -> InputError:
@@ -32,10 +33,10 @@ def import_example(campaign: Campaign) -> str:
 
 
 def truth_example(campaign: Campaign) -> str:
-    """Return a [truth] at the prior means of the coefficients, SI."""
+    """Return a [truth] at the nominal values of the coefficients by their priors, SI."""
     model = campaign.model(campaign.full)
-    values = [(term.text, campaign.prior(term.text).mean) for term in model.coefficients]
-    return "\n".join(["[truth]", *(f"{name} = {float(mean):.4g}" for name, mean in values)])
+    values = [(term.text, nominal(campaign.prior(term.text))) for term in model.coefficients]
+    return "\n".join(["[truth]", *(f"{name} = {value:.4g}" for name, value in values)])
 
 
 def _indented(text: str) -> str:

@@ -21,6 +21,7 @@ from seatrial.core.signals import RATES, SPEEDS
 from seatrial.design.cost import ElectricPower
 from seatrial.design.plan_search import Plan, PlanSearch, joules_of
 from seatrial.design.trial_design import design_trial
+from seatrial.estimation.priors import nominal
 from seatrial.vehicles.model import VehicleModel
 
 
@@ -96,8 +97,8 @@ def goal_of(campaign: Campaign) -> Goal:
             remedy=f'add, for example, [goal] with sd = {{ {names[0]} = "10 %" }} and trials = 6',
         )
     taken = {name: stated_share(campaign, model, name) for name in (*goal.shares, *goal.sds)}
-    means = {name: abs(float(campaign.prior(name).mean)) for name in goal.sds}
-    sizes = {**goal.shares} | {name: sd / means[name] for name, sd in goal.sds.items() if means[name]}
+    values = {name: abs(nominal(campaign.prior(name))) for name in goal.sds}
+    sizes = {**goal.shares} | {name: sd / values[name] for name, sd in goal.sds.items() if values[name]}
     for name, share in sizes.items():
         if taken[name] >= share:
             raise InputError(
@@ -108,7 +109,7 @@ def goal_of(campaign: Campaign) -> Goal:
                 "[estimation]; or relax the goal",
             )
     shares = {name: sqrt(share**2 - taken[name] ** 2) for name, share in goal.shares.items()}
-    sds = {name: sqrt(sd**2 - (taken[name] * means[name]) ** 2) for name, sd in goal.sds.items()}
+    sds = {name: sqrt(sd**2 - (taken[name] * values[name]) ** 2) for name, sd in goal.sds.items()}
     return replace(goal, shares=shares, sds=sds)
 
 

@@ -16,7 +16,7 @@ from seatrial.core.dataset import Dataset
 from seatrial.core.display_units import plain
 from seatrial.core.record import Record
 from seatrial.design.prior_belief import STATE_SD
-from seatrial.estimation.priors import Prior
+from seatrial.estimation.priors import Prior, nominal
 from seatrial.estimation.simulation.delayed_control import delay_control
 from seatrial.filters.run import FilterTrace, run_filter
 from seatrial.filters.square_root import unscented_filter
@@ -77,7 +77,7 @@ def filter_complaints(dataset: Dataset, fitted: Sequence[float] = ()) -> list[st
 def prior_belief(priors: Sequence[Prior]) -> tuple[Gaussian, np.ndarray]:
     """Belief about coefficients before the first record, in units of their prior standard deviations, and these, SI."""
     scales = np.array([prior.sd for prior in priors])
-    return Gaussian(np.array([prior.mean for prior in priors]) / scales, np.eye(scales.size)), scales
+    return Gaussian(np.array(list(map(nominal, priors))) / scales, np.eye(scales.size)), scales
 
 
 def filter_record(

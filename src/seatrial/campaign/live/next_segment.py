@@ -17,6 +17,7 @@ from seatrial.design.design_problem import UTILITY_DRAWS
 from seatrial.design.robust import information_table
 from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_plan import TrialPlan
+from seatrial.estimation.priors import nominal
 from seatrial.manoeuvres.family import design_words
 from seatrial.vehicles.model import VehicleModel
 
@@ -113,8 +114,8 @@ def make_library(campaign: Campaign, model: VehicleModel, reporter: Reporter = S
     some = np.concatenate(controls)
     sizes = _sizes(campaign, plan, np.stack([sweep.best_controls() for sweep in designs.sweeps]))
     library = Library(plan, tuple(words), some, campaign.family.duration, sizes)
-    mean = np.array([prior.mean for prior in campaign.coefficient_priors(model)])
-    information_table(plan, some, mean[None])
+    values = np.array([list(map(nominal, campaign.coefficient_priors(model)))])
+    information_table(plan, some, values)
     return library
 
 

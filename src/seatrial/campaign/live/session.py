@@ -21,6 +21,7 @@ from seatrial.campaign.live.sources import Piece
 from seatrial.campaign.live.stream_check import StreamCheck
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import MAX_MAGNITUDE
+from seatrial.estimation.priors import nominal
 from seatrial.numerics.gaussian import Gaussian
 
 LOOK_SECONDS = 1.0  # Seconds of the stream between two looks
@@ -68,7 +69,7 @@ class Session:
         lined = lined_controls(campaign.imports)
         self.check = StreamCheck(campaign, lined, self.notes.say)
         self.lined = np.array([name in lined for name in self.controls])
-        self.delay = float(campaign.prior("delay").mean) if campaign.has_delay else 0.0
+        self.delay = nominal(campaign.prior("delay")) if campaign.has_delay else 0.0
         self.control: dict[str, float] = {}
         self.sent: deque[tuple[float, np.ndarray]] = deque()
         self.coefficients = self.recursion.prior

@@ -25,6 +25,7 @@ from seatrial.estimation.diagnostics.combinations import (
 from seatrial.estimation.posterior.information import coefficient_information, likelihood_information
 from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
+from seatrial.estimation.priors import nominal
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.vehicles.model import VehicleModel
 
@@ -205,7 +206,7 @@ def identifiability_of_design(
     autopilot: Autopilot | None = None,
     process: Sequence[float] | None = None,
 ) -> Identifiability:
-    """Judge one planned trial from the vehicle's coefficients at their prior means.
+    """Judge one planned trial from the vehicle's coefficients at the nominal values of their priors.
 
     Args:
         parameters: the model's coefficients with their priors, in its order.
@@ -218,7 +219,7 @@ def identifiability_of_design(
         autopilot: through which the trial runs.
         process: standard deviation that each state gains in one second, SI; None for none.
     """
-    values = np.array([float(parameter.prior.mean) for parameter in parameters])
+    values = np.array([nominal(parameter.prior) for parameter in parameters])
     params = {parameter.name: value for parameter, value in zip(parameters, values, strict=True)}
     n, size = len(control), bucket_length(len(control))
     control, step = filled(np.asarray(control, float), size), filled(np.full(n, float(sample_time)), size, 0.0)

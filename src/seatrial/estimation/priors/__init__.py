@@ -8,7 +8,7 @@ kind.
 from seatrial.estimation.priors.box import CORNER, LogUniform, Uniform
 from seatrial.estimation.priors.density import DensityPrior
 from seatrial.estimation.priors.normal import LogNormal, Normal
-from seatrial.estimation.priors.prior import Prior, by_kind, physical_support, prior_curve, restricted
+from seatrial.estimation.priors.prior import Prior, by_kind, nominal, physical_support, prior_curve, restricted
 from seatrial.estimation.priors.truncated import TruncatedNormal, half_normal, truncated_normal
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "Uniform",
     "by_kind",
     "half_normal",
+    "nominal",
     "physical_support",
     "prior_curve",
     "restricted",

@@ -96,6 +96,15 @@ def by_kind(priors: Sequence[Prior], function: Callable[..., Any], *columns: Arr
     return jax.tree.map(lambda *each: jnp.concatenate(each, -1)[..., order], *parts)
 
 
+def nominal(prior: Prior) -> float:
+    """Return the value that stands for a prior where a vehicle needs one: that of a z of 0.
+
+    It is the mean of a normal and of a uniform, cut ones among them, and the median where z is that of a logarithm. The mean of a
+    log-normal is far beyond what is likely: with a factor of 8 it is 8.7 times the median.
+    """
+    return float(prior.constrain(0.0))
+
+
 def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
     """Return values over nearly all of a prior's support, and the log density per unit of the value there, shape (241,)."""
     z = jnp.linspace(-4.0, 4.0, CURVE)
