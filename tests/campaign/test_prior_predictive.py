@@ -249,3 +249,13 @@ def test_a_channel_that_the_trial_does_not_move_is_told_with_the_key_that_moves_
     (tmp_path / "campaign.toml").write_text(moved)
     lines = prior_lines(predict_from_prior(load_campaign(tmp_path)), shown_as_written({}))
     assert any(line.startswith("r: 90 % of draws between") for line in lines)
+
+
+def test_vehicles_that_only_the_steps_let_run_away_are_called_so(tmp_path):
+    """A Runge-Kutta step of 0.1 s diverges beyond a damping X_u / m of 27.9 per second."""
+    found = predicted(tmp_path, (LINEAR, "lower = -1200.0\nupper = 0.0"), (DRAG, "lower = -0.1\nupper = 0.0"))
+    assert found.stiff.sum() > 0.9 * found.diverged.sum() > 0
+    assert any("too quickly for steps of 0.1 s" in text for text in prior_cautions(found))
+    assert any(
+        "X_u near the lower end of its prior; narrow [prior.X_u] there" in text for text in prior_cautions(found)
+    )

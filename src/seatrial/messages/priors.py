@@ -77,8 +77,12 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
     has_motion = predictive.diverged.mean() <= MAX_LOST_SHARE and (settled is None or most_have(settled.speed))
     if predictive.lost.mean() > MAX_ODD_SHARE and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
+        stiff, what = bool(predictive.stiff.sum() > 0.5 * predictive.lost.sum()), f"are unphysical (they {none})"
+        if stiff:
+            what = f"change too quickly for steps of {predictive.step:.3g} s (they diverge, most not in steps a tenth as long)"
         messages.append(
-            f"{_percent(predictive.lost)} of the draws from the prior are unphysical (they {none}): {_mend(predictive)}"
+            f"{_percent(predictive.lost)} of the draws from the prior {what}: {_mend(predictive)}"
+            + ", or shorten the steps (sample_time of [design], step of [import])" * stiff
         )
     missed = any(one.held < HARDLY_SHARE for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
@@ -158,8 +162,9 @@ def _mend(predictive: "PriorPredictive") -> str:
     also = f", and {_cut(predictive, predictive.unphysical[0])}" if predictive.unphysical else ""
     if worst.blame == 0.0:
         return f"check the signs and units of the priors{also}"
-    end, bound = ("large", "lower its upper bound") if worst.blame > 0 else ("small", "raise its lower bound")
-    return f"the cause is a {end} {worst.name}; {bound} in [prior.{worst.name}]{also}"
+    end = "upper" if worst.blame > 0 else "lower"
+    narrow = f"narrow [prior.{worst.name}] there, by a bound or a smaller sd, scale or factor"
+    return f"the cause is {worst.name} near the {end} end of its prior; {narrow}{also}"
 
 
 def _cut(predictive: "PriorPredictive", name: str) -> str:

@@ -51,6 +51,7 @@ from seatrial.vehicles.simulate import simulate
 # From du/dt = f(u): f(u*) = 0 and T = -1 / f'(u*).
 
 FASTEST = 20.0  # m/s or rad/s; a vehicle beyond it has run away
+FINER = 10  # Times as many steps in which a vehicle is simulated again that has run away
 VEHICLES_AT_ONCE = 100  # Vehicles simulated at once, so that a long record fits in memory
 
 
@@ -359,6 +360,8 @@ class PriorPredictive:
         channels: outputs of the vehicle over time.
         settled: steady speeds; None of a vehicle of other axes.
         diverged: which draws leave `FASTEST`, shape (draws,).
+        stiff: which of them do so only because of the steps: in steps a tenth as long they do not, shape (draws,).
+        step: median step, s.
         believed: the parameters.
         unphysical: coefficients with priors that allow unphysical values.
     """
@@ -369,6 +372,8 @@ class PriorPredictive:
     channels: tuple[Expected, ...]
     settled: Settled | None
     diverged: np.ndarray
+    stiff: np.ndarray
+    step: float
     believed: tuple[Believed, ...]
     unphysical: tuple[str, ...]
 
@@ -415,6 +420,12 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
     moved, diverged = speeds(
         model, names, params, drawn.get("delay"), np.column_stack(start), trial.control, trial.step, keep
     )
+    stiff, lost = np.zeros_like(diverged), np.flatnonzero(diverged)
+    if lost.size:
+        finer = np.repeat(trial.control, FINER, 0), np.repeat(trial.step / FINER, FINER)
+        late = drawn["delay"][lost] if "delay" in drawn else None
+        values = {name: column[lost] for name, column in params.items()}
+        stiff[lost] = ~speeds(model, names, values, late, np.column_stack(start)[lost], *finer, keep[:1])[1]
     channels = []
     for at, name in enumerate(names):
         shown, measured = moved[:, :, at], trial.measured.get(name)
@@ -450,6 +461,8 @@ def predict_from_prior(campaign: Campaign, reporter: Reporter = SILENT) -> Prior
         tuple(channels),
         settled,
         diverged,
+        stiff,
+        float(np.median(trial.step)),
         tuple(_believed(name, drawn[name], trial.units[name], alone(name), lost) for name in drawn),
         tuple(term.text for term in model.coefficients if _reaches_beyond(mass, term, trial.priors[term.text])),
     )
