@@ -35,6 +35,7 @@ from seatrial.report.numbers import Digits
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.simulate import simulate
 from tests.campaign.small import NO_X_U, write_small
+from tests.campaign.test_profiles import Bars
 
 EXACT = "[estimation]", '[estimation]\ninertia_error = "exact"'
 ACCELERATION = ("[limits.n]", '[sensors.udot]\nnoise = "0.01 m/s^2"\n[limits.n]')
@@ -55,7 +56,9 @@ def apart(campaign, answer, column):
 
 def test_the_mode_and_its_spread(tmp_path):
     campaign = load_campaign(write_small(tmp_path, *NO_X_U))
-    (answer,) = posterior_modes(campaign, get_trials(campaign))
+    bars = Bars()
+    (answer,) = posterior_modes(campaign, get_trials(campaign), bars)
+    assert bars.begun == ["mode M-0", "compare the modes", "errors of the models"]
     assert answer.structure.label == "M-0"
     assert max(apart(campaign, answer, 0)) < 4
     assert [name for name, _, _ in answer.rows] == ["X_uabsu", "T_nabsn", "sigma_u"]

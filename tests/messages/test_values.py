@@ -4,7 +4,7 @@ from seatrial.messages.values import other_kinds, value_lines, value_text
 
 
 def test_what_is_no_coefficient_is_said_to_be_what_it_is():
-    assert other_kinds(["sigma_u", "tau_u", "u_0[1]", "r_0[2]"]) == "noise and starting values"
+    assert other_kinds(["sigma_u", "tau_u", "share_u", "u_0[1]", "r_0[2]"]) == "noise and starting values"
     assert (
         other_kinds(["delay", "bias_u", "dead_f", "x_b"]) == "delay, offsets of sensors, thrusters and other unknowns"
     )

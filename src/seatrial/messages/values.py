@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 
-from seatrial.core.coefficients import base_name, configuration_name
+from seatrial.core.coefficients import base_name
 from seatrial.core.display_units import listed, measured
 from seatrial.estimation.posterior.configurations import ConfigurationDifference
 
@@ -11,6 +11,7 @@ KINDS = {
     "sigma": "noise",
     "tau": "noise",
     "dof": "noise",
+    "share": "noise",
     "drift": "noise",
     "process": "noise",
     "disturbance": "disturbances",
@@ -43,9 +44,9 @@ def value_text(mean: float, sd: float, shown: tuple[float, str], made_of: str = 
     return f"{factor * mean:>12.5g} ± {factor * sd:<10.3g} {unit:<10} {made_of}".rstrip()
 
 
-def change_text(one: ConfigurationDifference, shown: Mapping[str, tuple[float, str]]) -> str:
-    """Return the change between two configurations; `shown` has the factor and the unit of each parameter."""
-    factor, unit = shown[configuration_name(one.name, one.second)]
+def change_text(one: ConfigurationDifference, shown: tuple[float, str]) -> str:
+    """Return the change between two configurations in the unit shown, as `value_text`."""
+    factor, unit = shown
     change = measured(factor * one.change, factor * one.sd, unit)
     return f"{one.name} changed from {one.first} to {one.second} by {change}"
 

@@ -161,10 +161,12 @@ class _Ended(NamedTuple):
 def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended | _Unended:
     """Run the chains of one structure to the next checkpoint, or to their end."""
     campaign, structure = study.campaign, item.structure
+    table = campaign.estimation
+    if isinstance(item, _Begun):  # the errors of the model come first, and may take minutes
+        report(0, table.warmup + table.lengths[0])
     posterior, mode, budget, target, there = study.once(
         ("mode", structure.terms), lambda: _prepare(study, structure, item.modes[0])
     )
-    table = campaign.estimation
     sampler = SAMPLERS[table.sampler]
     settings = ChainSettings(table.chains, table.warmup, table.lengths[-1], table.thin)
     draw_key = random_key(campaign.seed, f"chains {structure.terms}")

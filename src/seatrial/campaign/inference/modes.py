@@ -103,7 +103,10 @@ def structure_modes(study: Study, trials: Trials, reporter: Reporter = SILENT) -
                 shown[items[index]](1, 1)
 
             workers.run(_find, study, [_Known(one, (), near) for one in items], done)
+        progress = reporter.progress("compare the modes")
+        progress(0, 1)
         known = exchange_modes(study, {one: modes[one] for one in structures}, workers)
+        progress(1, 1)
         there = {one.label: (mode,) for one, mode in known.items() if isinstance(mode, Mode)}
         return KnownModes(there, {one.label: str(why) for one, why in known.items() if isinstance(why, NumericalError)})
 

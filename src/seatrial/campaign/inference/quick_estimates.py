@@ -8,7 +8,7 @@ are those of a normal posterior (Laplace); the regression needs no simulation an
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, count
 from math import inf
 
 import jax
@@ -40,6 +40,7 @@ from seatrial.campaign.store.estimates import StoredMode
 from seatrial.campaign.store.predictions import Predictions
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
 from seatrial.compiled.random_keys import random_key
+from seatrial.core.coefficients import configuration_name
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.findings import Finding, Message
 from seatrial.core.record import Record
@@ -148,7 +149,7 @@ class FirstAnswer:
             made_of = shares_text(self.shares[name], self.causes.get(name, "")) if name in self.shares else ""
             texts[name] = f"{numbers} {shown:<10} {made_of}".rstrip()
         messages += [f"  {text}" for text in (*value_lines(texts, self.structure.terms), *self.contains)]
-        lines = [change_text(one, self.shown) for one in self.changes]
+        lines = [change_text(one, self.shown[configuration_name(one.name, one.second)]) for one in self.changes]
         lines += held_back_lines(self.held_back) if self.held_back else []
         return [*messages, *(f"  {line}" for line in (*lines, *self.symmetry))]
 
@@ -177,9 +178,15 @@ def posterior_modes(campaign: Campaign, trials: Trials, reporter: Reporter = SIL
     modes = {one: known.highest(one) for one in campaign.structures}
     there = {one: mode.log_evidence + campaign.log_prior(one) for one, mode in modes.items() if isinstance(mode, Mode)}
     probable = sorted(there, key=lambda one: -there[one])[:MOST_BUDGETS]
-    return run_side_by_side(
-        [partial(_answer, study, one, trials, modes[one], one in probable) for one in campaign.structures]
-    )
+    progress, ended = reporter.progress("errors of the models"), count(1)
+    progress(0, len(campaign.structures))
+
+    def answer(structure: Structure) -> FirstAnswer:
+        made = _answer(study, structure, trials, modes[structure], structure in probable)
+        progress(next(ended), len(campaign.structures))
+        return made
+
+    return run_side_by_side([partial(answer, one) for one in campaign.structures])
 
 
 def best_mode(found: Sequence[FirstAnswer]) -> FirstAnswer:

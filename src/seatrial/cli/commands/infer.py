@@ -232,8 +232,7 @@ def _lines_of(campaign: Any, item: Any, contains: list[str], held_back: Any, kno
     for name, label, mean, sd, si in item.own_values():
         factor, unit = campaign.shown(name, si)
         lines.append(f"{name} in run {label:<8} {factor * mean:>9.5g} ± {factor * sd:<10.3g} {unit}")
-    shown = {name: campaign.shown(name, str(item.data.sel(parameter=name)["unit"].values)) for name in item.names}
-    lines += [change_text(one, shown) for one in item.configuration_differences]
+    lines += [change_text(one, campaign.shown(one.name, one.unit)) for one in item.configuration_differences]
     return [*(f"  {line}" for line in (*lines, *held_back_lines(held_back))), *known_lines(known, campaign.shown)]
 
 

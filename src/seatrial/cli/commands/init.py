@@ -110,10 +110,10 @@ def _write_of_shape(folder: Path, shape: str) -> None:
     from seatrial.campaign.config.load import check_text
     from seatrial.campaign.config.shape_campaign import shape_campaign_text, shape_of_text
 
-    found = shape_of_text(shape)
-    text = shape_campaign_text(shape, found)
+    priors = shape_of_text(shape)
+    text = shape_campaign_text(shape, priors)
     check_text(folder, text)
-    current_answer().say(repr(found))
+    current_answer().say(repr(priors))
     _write(folder, text, shape, f"correct forces and sensors, then: seatrial prior {folder}; seatrial design {folder}")
 
 

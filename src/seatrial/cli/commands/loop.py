@@ -187,7 +187,7 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     from seatrial.messages.predictions import comparison_text
     from seatrial.messages.render import sentence, sentences
     from seatrial.messages.structures import QUOTED
-    from seatrial.messages.values import value_lines, value_text
+    from seatrial.messages.values import change_text, value_lines, value_text
     from seatrial.report.page import write_report
 
     summary = outcome.summary
@@ -201,6 +201,8 @@ def _tell_and_report(answer: Answer, outcome: Any, proposal: Any) -> Exit:
     if not outcome.own_alarms:
         answer.say(f"  These are the values to quote: {QUOTED[summary.quoted]}.")
     answer.say(f"  {outcome.chosen.contains}")
+    for change in summary.configuration_differences:
+        answer.say(f"  {change_text(change, shown(change.name, change.unit))}")
     for finding in outcome.cause_findings:
         answer.say(f"  {sentence(finding)}")
     for fit in outcome.fits:
