@@ -263,3 +263,15 @@ def test_a_path_that_no_file_can_have(tmp_path, path):
 def test_an_earlier_campaign_that_no_folder_can_hold(tmp_path):
     error = refused(write_small(tmp_path, ('"remus100_surge"', f'"remus100_surge"\npriors_from = ["{"a" * 300}"]')))
     assert error.where.endswith("campaign.toml:8, key vehicle.priors_from")
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (("[structure]", '[estimation]\nresiduals = "proportional"\n[structure]'), "estimation.residuals"),
+        (("[sensors.theta]", '[sensors.theta]\nresiduals = "proportional"'), "sensors.theta.residuals"),
+    ],
+)
+def test_noise_in_proportion_to_an_angle_is_refused_by_the_key_that_asks_for_it(tmp_path, change, key):
+    with pytest.raises(InputError, match=f'key {key}(.|\n)*"proportional", of an angle(.|\n)*residuals = "white"'):
+        pitch(tmp_path, change)

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from seatrial.campaign.config.load import load_campaign
 from seatrial.campaign.data.import_logs import get_trials
 from seatrial.campaign.inference.posterior import build_posterior, posterior_of_one
 from seatrial.campaign.inference.quick_estimates import posterior_modes, regressions
@@ -20,6 +19,7 @@ from seatrial.report.sections.summary import _changes
 from seatrial.selection.structures import Structure
 from tests.campaign.test_heave import CAMPAIGN as HEAVE
 from tests.campaign.test_heave import DRAG, WEIGHTS, write_heave
+from tests.cli.test_cli import run
 
 FILES = HEAVE[HEAVE.index("[[import.files]]") :].replace(
     '{run}.csv"\n', '{run}.csv"\nruns = [RUNS]\nconfiguration = "NAME"\n'
@@ -68,11 +68,11 @@ def test_by_default_the_net_weight_differs(tmp_path, text, terms):
     ("old", "new", "words"),
     [
         ('configuration = "loaded"\n', "", 'import.files(.|\n)*run "b" without a configuration'),
-        ('configuration = "loaded"', 'configuration = "a@b"', "import.files(.|\n)*configuration"),
+        ('configuration = "loaded"', 'configuration = "a@b"', "import.files(.|\n)*at most 40 letters, digits"),
         (
             'fit = ["a", "b", "c"]',
             'fit = ["a", "c"]\npredict = ["b"]',
-            "of the configuration loaded(.|\n)*fitted run has: empty",
+            r"import.files\[1\].configuration(.|\n)*of the configuration loaded(.|\n)*fitted run has: empty",
         ),
         ('runs = ["b"]', 'runs = ["b", "a"]', "empty and loaded"),
         (', "Z_wabsw"]', ', "sigma_w"]', 'by_configuration(.|\n)*"sigma_w", which is no unknown'),
@@ -81,8 +81,20 @@ def test_by_default_the_net_weight_differs(tmp_path, text, terms):
         (
             "[sensors",
             '[prior."Z_wabsw@full"]\ndistribution = "uniform"\nlower = -9\nupper = 0\n\n[sensors',
-            "Z_wabsw@full",
+            'Z_wabsw@full(.|\n)*did you mean "Z_wabsw@loaded"',
         ),
+        (
+            'by_configuration = ["net_weight", "Z_wabsw"]\n',
+            '[prior."Z_wabsw@loaded"]\ndistribution = "uniform"\nlower = -9\nupper = 0\n',
+            "add Z_wabsw to estimation.by_configuration",
+        ),
+        ("by_conf", "start_values = { Z_wabsw = -9.0 }\nby_conf", 'start_values.Z_wabsw(.|\n)*"Z_wabsw@empty"'),
+        (
+            "by_conf",
+            'start_values = { "Z_wabsw@loaded" = 5.0 }\nby_conf',
+            r"start_values.Z_wabsw@loaded\n.*5\n.*between -inf and 0",
+        ),
+        (', "Z_wabsw"]', ', "z_b"]', r"add \[prior.z_b\]"),
     ],
 )
 def test_errors_name_the_key(tmp_path, old, new, words):
@@ -169,15 +181,14 @@ def test_what_changed_at_the_mode(tmp_path):
 
 
 @pytest.mark.proof
-def test_from_the_file_to_the_report(tmp_path):
-    from seatrial.campaign.workflow.loop import run_loop
+def test_from_the_file_to_the_report(tmp_path, monkeypatch, capsys):
     from seatrial.export.from_campaign import of_campaign
-    from seatrial.report.page import write_report
 
     small = DIFFERING.replace("[estimation]\n", "[estimation]\nchains = 8\nwarmup = 200\ndraws = 200\n")
     small = small.replace('fit = ["a", "b", "c"]', 'fit = ["a", "b"]\npredict = ["c"]')
     campaign = write_heave(tmp_path, small)
-    write_report(run_loop(load_campaign(campaign.folder)))
+    _, said, _ = run(monkeypatch, capsys, "run", campaign.folder)
+    assert "net_weight changed from empty to loaded by" in said
     page = (tmp_path / "report.html").read_text()
     assert "Changes between configurations" in page
     changes = json.loads((tmp_path / "results" / "summary.json").read_text())["configuration_differences"]

@@ -398,7 +398,7 @@ def test_thrust_is_that_at_the_battery_voltage_logged_last(tmp_path, log):
         "a voltage of zero": (
             [VOLTAGE, ("[[import.files]]", f"{BATTERY}\n[[import.files]]")],
             "0,0\n1,16000\n2,16000\n",
-            "not above 0 V",
+            "V = 0 V at 0 s",
         ),
         "a curve without zero": (
             [VOLTAGE, CURVE, ("dead_zone = [1480, 1520]\n", "")],

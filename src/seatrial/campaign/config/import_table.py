@@ -102,7 +102,8 @@ class FileTable(Table):
     configuration: str | None = Field(
         default=None,
         pattern=CONFIGURATION,
-        description="configuration of the vehicle in these runs, such as `loaded`; `estimation.by_configuration` names the differences",
+        description="configuration of the vehicle in these runs, such as `loaded`, of at most 40 letters, digits, spaces and `_ . + -`; "
+        "`estimation.by_configuration` names the differences",
     )
     clock: Literal["as_stamped", "even", "drop_repeated"] = Field(
         default="as_stamped", description="keep the stamps, spread them evenly, or drop rows with a repeated stamp"
@@ -266,7 +267,8 @@ class ImportTable(Table):
     def _check_configurations(self) -> Self:
         known = self.configurations
         for run in self.runs:
-            named = list(dict.fromkeys(file.configuration for file in self.of(run).values() if file.configuration))
+            logs = self.of(run)
+            named = list(dict.fromkeys(file.configuration for file in logs.values() if file.configuration))
             if len(named) > 1 or ((known or named) and not set(named) & set(known)):
                 raise refused(
                     f'run "{run}"'
@@ -274,7 +276,7 @@ class ImportTable(Table):
                     "for each run one configuration, which a fitted run has"
                     + (f": {', '.join(known)}" if known else ""),
                     "correct `configuration` of its logs; a log for each configuration needs `runs`",
-                    key="files",
+                    key=f"files[{next((i for i, file in logs.items() if file.configuration), min(logs))}].configuration",
                 )
         return self
 

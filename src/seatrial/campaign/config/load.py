@@ -1,6 +1,6 @@
 """Reading a campaign's TOML file: whatever is wrong with it is found before any work is done."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from textwrap import indent
@@ -22,12 +22,14 @@ from seatrial.campaign.config.vehicle import WholeVehicle
 from seatrial.campaign.config.vehicle_table import read_vehicle
 from seatrial.campaign.store.stored_result import FILE_NAME, campaign_folder
 from seatrial.core.argument_checks import check_path
-from seatrial.core.coefficients import CoefficientName, configuration_name
+from seatrial.core.coefficients import CoefficientName, base_name, configuration_name
 from seatrial.core.display_units import shown_unit
-from seatrial.core.errors import InputError, located, not_among
+from seatrial.core.errors import InputError, located, nearest, not_among
 from seatrial.core.signals import ANGLES, BATTERY, PROPULSION, QUATERNION, is_thruster, signal_unit, thruster_controls
 from seatrial.estimation.posterior.record_posterior import BY_CONFIGURATION
 from seatrial.estimation.posterior.unknowns import may_differ, may_vary, unknowns_of
+from seatrial.estimation.priors import Prior
+from seatrial.estimation.simulation.sensor_errors import Sensor
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.messages.catalogue import entry_of
 from seatrial.selection.structures import Structure
@@ -101,8 +103,11 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     configurations = () if file.imported is None else file.imported.configurations
     _check_configurations(file, keys, configurations, model)
     noise = {channel: sensor.noise for channel, sensor in sensors.items()}
-    with located(keys.where("sensors, residuals")):
-        models = sensor_models(sensors, mounts, estimation.residuals)
+    models: list[Sensor] = []
+    for channel, sensor in sensors.items():
+        key = "estimation.residuals" if sensor.residuals is None else f"sensors.{channel}.residuals"
+        with located(keys.where(key)):
+            models += sensor_models({channel: sensor}, mounts, estimation.residuals)
     check_disturbances(tables, estimation.likelihood, model, keys.where)
     assumed = assumed_unknowns(estimation, model, tables)
     unknown = unknowns_of(model, models, assumed, noise)[len(units) :]
@@ -111,11 +116,7 @@ def _campaign(file: CampaignFile, keys: FileKeys) -> Campaign:
     parts = [configuration_name(name, one) for name in differing if name in may_differ(model) for one in configurations]
     priors = read_priors(tables, keys, units, unknown, rules.never, inertia, parts)
     _check_gains(priors, model, keys)
-    for name in estimation.start_values:
-        if name not in priors:
-            raise not_among(
-                keys.where(f"estimation.start_values.{name}"), name, priors, found=f'"{name}", which is not estimated'
-            )
+    _check_start_values(estimation, priors, parts, keys)
     process_noise = _process_noise(file.filter, keys, units, model)
     _check_source(file, keys, model)
     autopilot, design, own, power = AutopilotSettings(), file.design, None, None
@@ -273,6 +274,30 @@ def _check_estimation(
         )
 
 
+def _check_start_values(
+    table: EstimationTable, priors: Mapping[str, Prior], parts: Sequence[str], keys: FileKeys
+) -> None:
+    """Check that the search for the mode begins from values of parameters that their priors allow.
+
+    A coefficient that differs between configurations is no parameter: its values in them, the `parts`, are.
+    """
+    differing = set(map(base_name, parts))
+    known = {name: prior for name, prior in priors.items() if name not in differing}
+    known |= {name: priors.get(name) or priors[base_name(name)] for name in parts if base_name(name) in priors}
+    for name, value in table.start_values.items():
+        where = keys.where(f"estimation.start_values.{name}")
+        if name not in known:
+            raise not_among(where, name, known, found=f'"{name}", which is not estimated')
+        lower, upper = known[name].bounds
+        if not lower < value < upper:
+            raise InputError(
+                where,
+                found=f"{value:g}",
+                expected=f"a value between {lower:g} and {upper:g}, the bounds of its prior, in SI",
+                remedy="correct the value, or widen the prior",
+            )
+
+
 def _check_configurations(
     file: CampaignFile, keys: FileKeys, configurations: Collection[str], model: VehicleModel
 ) -> None:
@@ -280,8 +305,13 @@ def _check_configurations(
     allowed, where = may_differ(model), keys.where("estimation.by_configuration")
     for name in file.estimation.by_configuration or ():
         if name not in allowed:
-            raise not_among(
-                where, name, allowed, found=f'"{name}", which is no unknown of the vehicle that has a prior'
+            raise InputError(
+                where,
+                found=f'"{name}", which is no unknown of the vehicle that has a prior',
+                expected="one of " + ", ".join(allowed),
+                remedy=nearest(
+                    name, allowed, f"add [prior.{name}], if it is an unknown of the vehicle, or leave it out"
+                ),
             )
         goals = () if file.goal is None else file.goal.sd
         twice = "estimation.varying" if name in file.estimation.varying else f"goal.sd.{name}" if name in goals else ""

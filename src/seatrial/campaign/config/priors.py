@@ -156,6 +156,11 @@ def _unused_remedy(unused: Sequence[str], channels: Sequence[str], allowed: Sequ
         kind = next((kind for one, (of, kind) in of_noise.items() if of == channel and one in allowed), "white")
         tables = [f"[prior.{one}]" for one in unused if one in of_noise]
         return f"remove {listed(tables)}, of {of_noise[name][1]} residuals: those of {channel} are {kind}"
+    if (base := base_name(name)) != name and base in allowed:
+        siblings = [one for one in allowed if base_name(one) == base and one != base]
+        return (
+            nearest(name, siblings) if siblings else f"add {base} to estimation.by_configuration, or remove this table"
+        )
     if name in TETHER:
         return "add [vehicle.tether] to a vehicle with `moves`"
     with suppress(InputError):

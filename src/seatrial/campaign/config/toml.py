@@ -348,11 +348,12 @@ def _as_input_error(
         return InputError(
             key_place(path, text, key), found=refusal["found"], expected=refusal["expected"], remedy=refusal["remedy"]
         )
-    alike = [error for other, error in errors if other == place]
+    alike, field = [error for other, error in errors if other == place], field_at(schema, place)
+    is_described = first["type"] == "string_pattern_mismatch" and field is not None
     return InputError(
         where,
         found=_shown(first.get("input")),
-        expected=" or ".join(dict.fromkeys(map(_expected, alike))),
+        expected=str(field.description) if is_described else " or ".join(dict.fromkeys(map(_expected, alike))),
         remedy=next(filter(None, map(_value_remedy, alike)), "correct the value"),
     )
 

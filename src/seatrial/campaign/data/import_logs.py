@@ -251,13 +251,21 @@ def _at_voltage(logs: Sequence[tuple[LogFile, LogTable]], is_control: bool, wher
     battery = next((log for _, log in logs if BATTERY in log.columns), None)
     volts = np.full(1, np.nan) if battery is None else battery.columns[BATTERY]
     known = np.isfinite(volts)
-    if battery is None or not known.any() or volts[known].min() <= 0:
+    if battery is None or not known.any():
         raise InputError(
             where,
-            found=f"run {run}: no channel V" if battery is None else f"run {run}: a channel V that is not above 0 V",
+            found=f"run {run}: no channel V" if battery is None else f"run {run}: a channel V without a number",
             expected="the battery voltage, because [vehicle.thrust_laws] has a voltage",
             remedy='map it, for example channels.V = { column = "battery", unit = "V" }; a log of another message is a separate '
             "[[import.files]]",
+        )
+    least = int(np.nanargmin(volts))
+    if volts[least] <= 0:
+        raise InputError(
+            where,
+            found=f"run {run}: V = {volts[least]:g} V at {battery.time[least]:.6g} s of its log",
+            expected="a voltage above 0 V, by which [vehicle.thrust_laws] gives the thrust",
+            remedy="correct the column or the unit of channels.V, or remove the rows without a battery from the log",
         )
     result = []
     for file, log in logs:
