@@ -120,17 +120,26 @@ def test_all_signs_dissipate_and_priors_have_the_factors():
     assert "kg m^2/rad" in repr(found)
 
 
+def test_a_shape_unlike_those_compared_is_in_doubt():
+    usual = {"beam": 0.338, "height": 0.254, "mass": 11.5}
+    assert st.priors_from_shape("box", length=0.457, **usual).doubt == ""
+    assert "is 5.12 times" in repr(st.priors_from_shape("box", length=1.5, beam=0.338, height=0.254, mass=40.0))
+
+
 @pytest.mark.parametrize(
     ("form", "given", "words"),
     [
         ("torpedo", {"length": 1.6, "diameter": 0.19, "mass": 3.0}, "200 to 3000"),
         ("box", {"length": 457.0, "beam": 338.0, "height": 254.0, "mass": 11.5}, "2.93.e-07 kg/m.3"),
-        ("ellipsoid", {"length": 0.1, "diameter": 0.1, "mass": 5.0}, "9550 kg/m.3"),
+        ("ellipsoid", {"length": 0.1, "diameter": 0.1, "mass": 5.0}, "9549 kg/m.3"),
         ("torpedo", {"length": 1.0, "mass": 5.0}, "beam and height"),
         ("torpedo", {"length": 1.0, "diameter": 0.2, "beam": 0.2, "height": 0.2, "mass": 30.0}, "remove diameter"),
         ("box", {"length": 1.0, "beam": 1.0, "height": 0.5, "nose": 0.1, "mass": 300.0}, "remove nose"),
         ("torpedo", {"length": 1.0, "diameter": 0.5, "mass": 100.0}, "a nose of 0.5 m"),
         ("torpedo", {"length": -1.0, "diameter": 0.5, "mass": 100.0}, "length"),
+        ("box", {"length": 1e200, "beam": 1e200, "height": 1e200, "mass": 100.0}, "1000(.|\n)*give the length in m"),
+        ("torpedo", {"length": 1e-200, "diameter": 1e-200, "mass": 100.0}, "0.001"),
+        ("box", {"length": 1.0, "beam": 1.0, "mass": 300.0}, "add height, in m"),
         ("cube", {"length": 1.0, "mass": 100.0}, "torpedo"),
     ],
 )
@@ -161,8 +170,12 @@ def test_a_mesh_has_the_closed_form_of_its_shape(tmp_path):
     open_box = trimesh.creation.box(size)
     open_box.update_faces(np.arange(len(open_box.faces)) > 1)
     open_box.export(tmp_path / "open.stl")
-    for name in ("text.stl", "open.stl", "missing.stl"):
-        with pytest.raises(InputError, match=name):
+    ball.apply_scale(1000.0)
+    ball.export(tmp_path / "mm.stl")
+    (tmp_path / "hull.obj").write_text("v 0 0 0")
+    refused = {"text.stl": "no triangles", "open.stl": "holes", "missing.stl": "No such file"}
+    for name, words in (refused | {"mm.stl": "the mesh is in m", "hull.obj": "save it as STL"}).items():
+        with pytest.raises(InputError, match=words):
             shape_of("ellipsoid", mesh=tmp_path / name, mass=mass)
 
 

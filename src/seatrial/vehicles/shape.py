@@ -26,7 +26,10 @@ from seatrial.vehicles.model import ROTATIONS
 FORMS = ("torpedo", "ellipsoid", "box")
 SEAWATER = 1025.0  # kg/m^3
 LEAST_DENSITY, MOST_DENSITY = 200.0, 3000.0  # Mass over the enclosed volume that a vehicle may have, kg/m^3
-STATIONS = 201  # Along each part of a hull
+LEAST_LENGTH, MOST_LENGTH = 1e-3, 1e3  # Of a part of a vehicle, m
+# Length over the root of beam times height of the vehicles from which the factors of error follow
+COMPARED = {"hull": (4.3, 8.6), "box": (1.2, 1.7)}
+STATIONS = 801  # Along a hull; closest at its ends, where it is steep
 CUTS = 101  # Sections of a mesh
 
 # Added mass of a square prism along its axis over rho a^3, by its length over its side a: DNV-RP-N103 (2017), table A-2, which
@@ -100,6 +103,12 @@ class Shape:
     inertia: tuple[float, float, float]
     sections: Float[np.ndarray, "3 n"]
 
+    @property
+    def slenderness(self) -> float:
+        """Length over the root of beam times height."""
+        length, beam, height = self.size
+        return length / sqrt(beam * height)
+
 
 def vehicle_shape(form: str, mass: float, lengths: Mapping[str, float], mesh: Path | str | None = None) -> Shape:
     """Build the shape of a vehicle; arguments and errors as `priors_from_shape`.
@@ -112,19 +121,22 @@ def vehicle_shape(form: str, mass: float, lengths: Mapping[str, float], mesh: Pa
     """
     place = f"shape, {check_choice(form, FORMS, 'shape, form')}"
     check_number(mass, f"{place}, mass", above=0.0, remedy="give the mass in kg")
-    given = {name: check_number(one, f"{place}, {name}", above=0.0) for name, one in lengths.items()}
+    ends = {"least": LEAST_LENGTH, "most": MOST_LENGTH, "remedy": "give the length in m"}
+    given = {name: check_number(one, f"{place}, {name}", **ends) for name, one in lengths.items()}
+    remedy = "check the lengths and the mass, and their units"
     if mesh is not None:
         shape = _of_mesh(form, mass, given, check_path(mesh, f"{place}, mesh"), place)
+        remedy = "check the mass, and that the mesh is in m"
     else:
         size = _size(given, form, place)
-        shape = _box(size, mass) if form == "box" else _hull(mass, _profile(form, size, given, place), size)
+        shape = _box(size, mass) if form == "box" else _hull(mass, _sections(form, size, given, place), size)
     if not LEAST_DENSITY <= (density := mass / shape.volume) <= MOST_DENSITY:
         about = " x ".join(f"{one:.3g}" for one in shape.size)
         raise InputError(
             f"{place}, mass",
             found=f"{mass:g} kg in {shape.volume:.3g} m^3, {about} m: {density:.4g} kg/m^3",
             expected=f"a density of {LEAST_DENSITY:g} to {MOST_DENSITY:g} kg/m^3, which vehicles have",
-            remedy="check the lengths and the mass, and their units",
+            remedy=remedy,
         )
     return shape
 
@@ -185,7 +197,7 @@ def _strips(sections: Float[np.ndarray, "3 n"]) -> dict[str, float]:
 def _hull_added(shape: Shape, density: float) -> dict[str, float]:
     """Return strips with the loss at the ends that an ellipsoid of the same size has, by axis."""
     round_, strips = ellipsoid_added_mass(*shape.size), _strips(shape.sections)
-    about = _strips(_ellipsoid(shape.size))
+    about = _strips(_sections("ellipsoid", shape.size, {}, ""))
     added = {axis: density * one * (round_[axis] / about[axis] if about[axis] else 0.0) for axis, one in strips.items()}
     return {"X": density * shape.volume * round_["X"] / (pi / 6 * float(np.prod(shape.size)))} | added
 
@@ -196,11 +208,10 @@ def _hull_drag(shape: Shape, density: float) -> dict[str, float]:
     C_D over the wetted area is C_f (1 + 1.5 (d/l)^1.5 + 7 (d/l)^3): Hoerner, Fluid-Dynamic Drag (1965), chapter 6.
     """
     x, b, h = shape.sections
-    length, beam, height = shape.size
-    slenderness = sqrt(beam * height) / length
+    width = 1 / shape.slenderness
     girth = pi * (3 * (b + h) - np.sqrt((3 * b + h) * (b + 3 * h)))  # Ramanujan's, of an ellipse
     wetted = float(np.trapezoid(girth, x))
-    along = APPENDAGES * FRICTION * (1 + 1.5 * slenderness**1.5 + 7 * slenderness**3) * wetted
+    along = APPENDAGES * FRICTION * (1 + 1.5 * width**1.5 + 7 * width**3) * wetted
     across = {"Y": 2 * h, "Z": 2 * b, "M": 2 * b * np.abs(x) ** 3, "N": 2 * h * np.abs(x) ** 3}
     areas = {"X": along} | {axis: CROSS_FLOW * float(np.trapezoid(one, x)) for axis, one in across.items()}
     return {axis: density / 2 * area for axis, area in areas.items()}
@@ -238,42 +249,34 @@ def _box_drag(shape: Shape, density: float) -> dict[str, float]:
 
 def _size(given: Mapping[str, float], form: str, place: str) -> tuple[float, float, float]:
     """Return length, beam and height."""
-    beam, height = (given.get(name, given.get("diameter")) for name in ("beam", "height"))
+    size = {name: given.get(name, given.get("diameter")) for name in ("length", "beam", "height")}
+    size["length"] = given.get("length")
     unused = [name for name in ("nose", "tail") if name in given and form != "torpedo"]
     unused += ["diameter"] if {"diameter", "beam", "height"} <= {*given} else []
-    if "length" in given and beam is not None and height is not None and not unused:
-        return given["length"], beam, height
+    length, beam, height = size.values()
+    if length is not None and beam is not None and height is not None and not unused:
+        return length, beam, height
     expected = "length, and a diameter or beam and height" + ("; nose and tail if known" * (form == "torpedo"))
-    remedy = f"remove {unused[0]}" if unused else "give them in m"
+    remedy = f"remove {unused[0]}" if unused else f"add {' and '.join(one for one in size if size[one] is None)}, in m"
     raise InputError(place, found=", ".join(given) or "no length", expected=expected, remedy=remedy)
 
 
-def _ellipsoid(size: tuple[float, float, float]) -> Float[np.ndarray, "3 n"]:
-    """Return the sections of an ellipsoid; stations are closest at its ends, where it is steep."""
-    length, beam, height = size
-    turn = np.linspace(0.0, pi, STATIONS)
-    return np.array([-length / 2 * np.cos(turn), beam / 2 * np.sin(turn), height / 2 * np.sin(turn)])
-
-
-def _profile(
+def _sections(
     form: str, size: tuple[float, float, float], given: Mapping[str, float], place: str
 ) -> Float[np.ndarray, "3 n"]:
     """Return the sections of a hull from its tail to its nose."""
-    if form == "ellipsoid":
-        return _ellipsoid(size)
     length, beam, height = size
-    nose, tail = given.get("nose", beam), given.get("tail", 2 * beam)
-    if nose + tail > length:
-        found = f"{length:g} m, with a nose of {nose:g} m and a tail of {tail:g} m"
-        raise InputError(f"{place}, length", found=found, expected="no less than both", remedy="give `nose` and `tail`")
-    # Behind the tip of the nose; stations are closest there, where it is steep.
-    tip = nose * (1 - np.cos(np.linspace(0.0, pi / 2, STATIONS)))
-    ends = ((nose, length - tail), (length - tail, length))
-    behind = np.unique(np.concatenate([tip, *(np.linspace(*pair, STATIONS) for pair in ends)]))
-    wide = np.sqrt(1 - np.clip(1 - behind / nose, 0.0, 1.0) ** 2) * (
-        1 - np.clip(1 - (length - behind) / tail, 0.0, 1.0) ** 2
-    )
-    return np.array([(length / 2 - behind)[::-1], (beam / 2 * wide)[::-1], (height / 2 * wide)[::-1]])
+    turn = np.linspace(0.0, pi, STATIONS)
+    x, wide = -length / 2 * np.cos(turn), np.sin(turn)
+    if form == "torpedo":
+        nose, tail = given.get("nose", beam), given.get("tail", 2 * beam)
+        if nose + tail > length:
+            found = f"{length:g} m, with a nose of {nose:g} m and a tail of {tail:g} m"
+            remedy = "give `nose` and `tail`"
+            raise InputError(f"{place}, length", found=found, expected="no less than both", remedy=remedy)
+        before, after = np.minimum((length / 2 - x) / nose, 1.0), np.minimum((length / 2 + x) / tail, 1.0)
+        wide = np.sqrt(before * (2 - before)) * after * (2 - after)
+    return np.array([x, beam / 2 * wide, height / 2 * wide])
 
 
 def _hull(mass: float, sections: Float[np.ndarray, "3 n"], size: tuple[float, float, float]) -> Shape:
@@ -301,14 +304,18 @@ def _of_mesh(form: str, mass: float, given: Mapping[str, float], path: Path, pla
         raise InputError(place, found=", ".join(given) or form, expected="a mesh alone", remedy=remedy)
     with needing_extra("mesh", place, "a mesh that {} reads, which is not installed"):
         import trimesh
-    expected, remedy = "an STL file of a closed surface", "correct the path, or repair the mesh"
+    expected, remedy = (
+        "an STL file of a closed surface, in m",
+        "correct the path, or repair the mesh and save it as STL",
+    )
     try:
         with path.open("rb") as file:
             mesh = trimesh.load_mesh(file, file_type="stl")
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise InputError(place, found=str(error), expected=expected, remedy=remedy) from error
     if not len(mesh.faces) or not mesh.is_volume:
-        raise InputError(place, found="holes, or faces that point inwards", expected=expected, remedy=remedy)
+        found = "holes, or faces that point inwards" if len(mesh.faces) else "no triangles"
+        raise InputError(place, found=found, expected=expected, remedy=remedy)
     low, high = mesh.bounds
     length, beam, height = (float(one) for one in high - low)
     if form == "box":

@@ -1,6 +1,7 @@
 """The campaign file of a vehicle of which only the shape is known: priors of its coefficients, and a simulated vehicle at their middle."""
 
 import json
+from pathlib import Path
 
 from seatrial.campaign.config.vehicle_campaign import file_head, sensor_lines
 from seatrial.core.argument_checks import check_choice
@@ -24,7 +25,7 @@ def shape_of_text(text: str) -> ShapePriors:
         InputError: words that are none of these, or a shape that no vehicle has.
     """
     first, *others = (part.strip() for part in text.split(","))
-    mesh = first if first.lower().endswith(".stl") else None
+    mesh = first if Path(first).suffix else None
     form = "ellipsoid" if mesh else check_choice(first, FORMS, "--shape, form")
     given: dict[str, float] = {}
     for part in others:

@@ -6,7 +6,9 @@ from pathlib import Path
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.result_table import aligned, text_html
 from seatrial.estimation.priors.normal import LogNormal
-from seatrial.vehicles.shape import QUALITIES, SEAWATER, Shape, shape_terms, vehicle_shape
+from seatrial.vehicles.shape import COMPARED, QUALITIES, SEAWATER, Shape, shape_terms, vehicle_shape
+
+FARTHEST = 1.5  # Times by which a vehicle may be slenderer or stouter than those compared, without a doubt
 
 
 @dataclass(frozen=True)
@@ -23,8 +25,19 @@ class ShapePriors:
     priors: dict[str, LogNormal]
     sources: dict[str, str]
 
+    @property
+    def doubt(self) -> str:
+        """Say so if the shape is not like those from which the factors of error follow; else empty."""
+        (least, most), body, ratio = COMPARED[self.shape.body], self.shape.body, self.shape.slenderness
+        if least / FARTHEST <= ratio <= FARTHEST * most:
+            return ""
+        return (
+            f"the length is {ratio:.3g} times the root of beam times height. The factors of error follow from vehicles in a {body} of "
+            f"{least:g} to {most:g} (docs/dev/shapes.md), so raise them here"
+        )
+
     def __repr__(self) -> str:
-        """Print inertia and priors with their sources."""
+        """Print inertia and priors with their sources, and whether they are in doubt."""
         quality = QUALITIES[f"{self.shape.body} inertia"]
         rows = [("", "median", "unit", "factor", "source")]
         for axis, moment in zip("xyz", self.shape.inertia, strict=True):
@@ -33,7 +46,7 @@ class ShapePriors:
             rows.append(
                 (name, f"{prior.median:.3g}", CoefficientName.parse(name).unit, f"{prior.factor:g}", self.sources[name])
             )
-        return "\n".join(aligned(rows, left=(0, 2, 4)))
+        return "\n".join([*aligned(rows, left=(0, 2, 4)), *filter(None, [self.doubt])])
 
     _repr_html_ = text_html
 
