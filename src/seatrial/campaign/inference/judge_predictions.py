@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -80,11 +79,11 @@ def held_back_curves(predictions: Predictions) -> tuple[dict[str, np.ndarray], .
 
 
 def stored_predictions(
-    folder: Path, estimate: OfStructure, trials: HasKey, average: OfStructure
+    campaign: Campaign, estimate: OfStructure, trials: HasKey, average: OfStructure
 ) -> StoredResult[Predictions]:
     """Return where the predictions are kept, and what they depend on."""
     key = key_of("predictions", estimate.key, trials.key, average.key)
-    return StoredResult(Store(folder).predictions, key, Predictions, f"seatrial run {folder}")
+    return StoredResult(Store(campaign.folder).predictions, key, Predictions, f"seatrial run {campaign.folder}")
 
 
 def predict_all(
@@ -96,7 +95,7 @@ def predict_all(
         whole = predictions_by(campaign, estimate, trials, average)
         return replace(whole, disagreements=tuple(_disagreements(campaign, average, trials.predict)))
 
-    return stored_predictions(campaign.folder, estimate, trials, average).read_or_make(predict)
+    return stored_predictions(campaign, estimate, trials, average).read_or_make(predict)
 
 
 def predictions_by(campaign: Campaign, drawn: Drawn, trials: Trials, average: Drawn) -> Predictions:

@@ -6,7 +6,9 @@ of the campaign file and of the keys of what the step needs.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -234,6 +236,29 @@ def _contenders() -> Work:
     return Work(find_contenders, stored)
 
 
+# The module below `seatrial.campaign` of each of the other steps, the function that makes it, and the function that says where it is
+# stored, which is given the first of what the step needs; none of a step that stores nothing.
+_PLAIN = {
+    "average": ("inference.structure_average", "average_of", ""),
+    "known": ("inference.identifiability", "known_after", "stored_known_after"),
+    "filter": ("inference.filter_trace", "trace_filter", "stored_filter"),
+    "predictions": ("inference.judge_predictions", "predict_all", "stored_predictions"),
+    "prior": ("prior.predictive", "predict_from_prior", ""),
+    "design": ("design.sweep", "design_first", "stored_first"),
+    "free_form": ("design.searches", "design_free_trial", "stored_free_trial"),
+    "relay": ("design.searches", "design_relay_trial", "stored_relay"),
+    "searched": ("design.searches", "search_design", "stored_search"),
+    "measures": ("design.searches", "compare_measures", "stored_measures"),
+    "batch": ("design.searches", "plan_together", ""),
+    "plan": ("design.plan", "plan_trials", ""),
+    "sensors": ("design.searches", "sensor_table", ""),
+    "rehearsal": ("rehearsal.run", "rehearse", "stored_rehearsal"),
+    "profiles": ("inference.profile", "profile_all", "stored_profiles"),
+    "cross_validation": ("inference.cross_validation", "cross_validate", "stored_cross_validation"),
+    "calibration": ("inference.calibration", "calibrate", "stored_calibration"),
+}
+
+
 def work_of(name: str) -> Work:
     """Return the functions of a step, imported when it is first asked for, since most bring libraries that others do not need."""
     match name:
@@ -256,16 +281,8 @@ def work_of(name: str) -> Work:
             return _selection()
         case "chosen":
             return Work(lambda estimates, selection: estimates[selection.chosen])
-        case "average":
-            from seatrial.campaign.inference.structure_average import average_of
-
-            return Work(average_of)
         case "full":
             return Work(lambda estimates: estimates[0])
-        case "known":
-            from seatrial.campaign.inference.identifiability import known_after, stored_known_after
-
-            return Work(known_after, lambda campaign, chosen, trials: [stored_known_after(campaign, chosen)])
         case "promised":
             from seatrial.campaign.inference.identifiability import known_before, stored_known_before
 
@@ -273,14 +290,6 @@ def work_of(name: str) -> Work:
                 lambda campaign, first: None if first is None else known_before(campaign, first.best),
                 lambda campaign, first: [] if campaign.trial_design is None else [stored_known_before(campaign)],
             )
-        case "filter":
-            from seatrial.campaign.inference.filter_trace import stored_filter, trace_filter
-
-            return Work(trace_filter, lambda campaign, full, trials: [stored_filter(campaign, full)])
-        case "predictions":
-            from seatrial.campaign.inference.judge_predictions import predict_all, stored_predictions
-
-            return Work(predict_all, lambda campaign, *others: [stored_predictions(campaign.folder, *others)])
         case "baselines":
             from seatrial.campaign.inference.baselines import fit_all_baselines, stored_baselines
 
@@ -301,14 +310,6 @@ def work_of(name: str) -> Work:
             )
         case "contenders":
             return _contenders()
-        case "prior":
-            from seatrial.campaign.prior.predictive import predict_from_prior
-
-            return Work(predict_from_prior)
-        case "design":
-            from seatrial.campaign.design.sweep import design_first, stored_first
-
-            return Work(design_first, lambda campaign: [stored_first(campaign)])
         case "own":
             from seatrial.campaign.design.searches import evaluate_own_schedule, stored_own
 
@@ -316,42 +317,6 @@ def work_of(name: str) -> Work:
                 evaluate_own_schedule,
                 lambda campaign: [] if (own := campaign.own_schedule) is None else [stored_own(campaign, own)],
             )
-        case "free_form":
-            from seatrial.campaign.design.searches import design_free_trial, stored_free_trial
-
-            return Work(design_free_trial, lambda campaign, levels: [stored_free_trial(campaign, levels)])
-        case "relay":
-            from seatrial.campaign.design.searches import design_relay_trial, stored_relay
-
-            return Work(design_relay_trial, lambda campaign: [stored_relay(campaign)])
-        case "searched":
-            from seatrial.campaign.design.searches import search_design, stored_search
-
-            return Work(search_design, lambda campaign, budget: [stored_search(campaign, budget)])
-        case "measures":
-            from seatrial.campaign.design.searches import compare_measures, stored_measures
-
-            return Work(compare_measures, lambda campaign, designs: [stored_measures(campaign, designs)])
-        case "batch":
-            from seatrial.campaign.design.searches import plan_together
-
-            return Work(plan_together)
-        case "plan":
-            from seatrial.campaign.design.plan import plan_trials
-
-            return Work(plan_trials)
-        case "sensors":
-            from seatrial.campaign.design.searches import sensor_table
-
-            return Work(sensor_table)
-        case "rehearsal":
-            from seatrial.campaign.rehearsal.run import rehearse, stored_rehearsal
-
-            return Work(rehearse, lambda campaign, vehicles: [stored_rehearsal(campaign)])
-        case "profiles":
-            from seatrial.campaign.inference.profile import profile_all, stored_profiles
-
-            return Work(profile_all, lambda campaign, trials, parameters: [stored_profiles(campaign, trials)])
         case "criteria":
             from seatrial.campaign.selection.criteria import criteria_all, stored_criteria
 
@@ -359,18 +324,15 @@ def work_of(name: str) -> Work:
                 criteria_all,
                 lambda campaign, estimates, *_: [stored_criteria(campaign.folder, one) for one in estimates],
             )
-        case "cross_validation":
-            from seatrial.campaign.inference.cross_validation import cross_validate, stored_cross_validation
-
-            return Work(cross_validate, lambda campaign, trials: [stored_cross_validation(campaign, trials)])
-        case "calibration":
-            from seatrial.campaign.inference.calibration import calibrate, stored_calibration
-
-            return Work(
-                calibrate, lambda campaign, trials, *settings: [stored_calibration(campaign, trials, *settings)]
-            )
         case _:
-            raise KeyError(name)
+            place, compute, stored = _PLAIN[name]
+            module = import_module(f"seatrial.campaign.{place}")
+            return Work(getattr(module, compute), partial(_stored_by, getattr(module, stored)) if stored else None)
+
+
+def _stored_by(stored: Callable[..., StoredResult], *given: Any) -> list[StoredResult]:
+    """Return what a step stores, by a function of the first of what it is given."""
+    return [stored(*given[: len(signature(stored).parameters)])]
 
 
 def _hash_of(path: Path) -> str:
