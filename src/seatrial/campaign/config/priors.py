@@ -7,7 +7,6 @@ from typing import Any
 
 from seatrial.campaign.config.assumed_unknowns import no_unknown_prior
 from seatrial.campaign.config.campaign import no_prior
-from seatrial.campaign.config.quantities import Residuals
 from seatrial.campaign.config.schema import PriorTable
 from seatrial.campaign.config.toml import FileKeys
 from seatrial.core.coefficients import AXES, CoefficientName, base_name
@@ -27,14 +26,7 @@ from seatrial.estimation.priors import (
     truncated_normal,
 )
 from seatrial.estimation.simulation.mounts import LATE, MAX_LATENESS
-from seatrial.estimation.simulation.sensor_errors import (
-    correlation_name,
-    dof_name,
-    drift_name,
-    drift_time_name,
-    noise_name,
-    share_name,
-)
+from seatrial.estimation.simulation.sensor_errors import noise_kinds, noise_name
 from seatrial.vehicles.tether import TETHER
 
 _BOUNDS = ("lower", "upper")
@@ -60,14 +52,6 @@ def numbers_of(distribution: object) -> tuple[str, ...]:
     return (*needed, *_BOUNDS) if bounds else needed
 
 
-# Names of parameters of the noise of a channel, and the residuals that have them.
-_OF_NOISE: dict[Callable[[str], str], Residuals] = {
-    correlation_name: "coloured",
-    dof_name: "heavy",
-    drift_name: "drifting",
-    drift_time_name: "drifting",
-    share_name: "proportional",
-}
 _CALLED = {"location": "mean", "scale": "sd"}  # Arguments of a truncated normal by their keys
 
 
@@ -150,7 +134,7 @@ def _check_used(tables: Mapping[str, PriorTable], keys: FileKeys, terms: Sequenc
 def _unused_remedy(unused: Sequence[str], channels: Sequence[str], allowed: Sequence[str]) -> str:
     """Return what to do with priors that nothing uses; all that is used has a prior, so that none is meant for a term without one."""
     name = unused[0]
-    of_noise = {of(channel): (channel, kind) for of, kind in _OF_NOISE.items() for channel in channels}
+    of_noise = {one: (channel, kind) for channel in channels for one, kind in noise_kinds(channel).items()}
     if name in of_noise:
         channel = of_noise[name][0]
         kind = next((kind for one, (of, kind) in of_noise.items() if of == channel and one in allowed), "white")

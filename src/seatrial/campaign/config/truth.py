@@ -17,19 +17,14 @@ from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.mounts import mount_names
 from seatrial.estimation.simulation.sensor_errors import (
     bias_name,
-    correlation_name,
-    dof_name,
     drift_name,
     drift_time_name,
     lag_name,
+    noise_kinds,
     noise_name,
-    share_name,
 )
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.vehicles.model import VehicleModel
-
-# What tells the kind of a sensor's noise by its name; without any it is white.
-KINDS = (correlation_name, dof_name, drift_name, share_name)
 
 
 def true_coefficients(campaign: Campaign, model: VehicleModel) -> dict[str, float]:
@@ -45,12 +40,13 @@ def check_truth(campaign: Campaign) -> None:
         InputError: the first name that is none, or value that is missing or cannot be.
     """
     truth, model = campaign.truth, campaign.model(campaign.full)
-    of_channel = (noise_name, *KINDS, drift_time_name, bias_name, lag_name)
+    noises = {name for channel in campaign.channels for name in (noise_name(channel), *noise_kinds(channel))}
     names = (
         {*campaign.units, CURRENT, DELAY, *map(lag_name, model.controls)}
         | {one.name for one in model.unknowns if not one.name.startswith(lag_name(""))}
         | {process_name(state) for state in model.states if not state.endswith(ACTUAL)}
-        | {name(channel) for channel in campaign.channels for name in of_channel}
+        | noises
+        | {name(channel) for channel in campaign.channels for name in (bias_name, lag_name)}
         | {name for mount in campaign.mounts.values() for name in mount_names(mount.name)}
     )
     for name in campaign.truth:
@@ -77,11 +73,12 @@ def check_truth(campaign: Campaign) -> None:
                 remedy=f"add a value, SI; {term} = 0.0 means that the true vehicle has none",
             )
     for channel in campaign.channels:
-        there = [name(channel) for name in KINDS if name(channel) in truth]
+        there = {kind: name for name, kind in noise_kinds(channel).items() if name in truth}
         if len(there) > 1:
+            first, second, *_ = there.values()
             raise InputError(
-                campaign.where(f"truth.{there[1]}"),
-                found=f"{there[0]} as well",
+                campaign.where(f"truth.{second}"),
+                found=f"{first} as well",
                 expected="noise of one kind: correlated, of heavy tails, drifting under white noise, or proportional to the signal",
                 remedy="leave out one of the two",
             )
@@ -94,8 +91,7 @@ def check_truth(campaign: Campaign) -> None:
                 expected=f"the size of the slow error, {both[0]}, and its correlation time, {both[1]}",
                 remedy="add the other, or leave out both",
             )
-    spreads = {name(channel) for channel in campaign.channels for name in (noise_name, *KINDS, drift_time_name)}
-    spreads |= {process_name(state) for state in model.states}
+    spreads = noises | {process_name(state) for state in model.states}
     lags = {lag_name(name) for name in (*model.controls, *campaign.channels)}
     unsigned = {one.name for one in model.unknowns if not one.signed}
     late = {lag_name(name) for name in model.controls if name + ACTUAL in model.states}

@@ -18,16 +18,7 @@ from seatrial.core.errors import InputError, NumericalError
 from seatrial.core.signals import ACTUAL
 from seatrial.estimation.posterior.simulated_record import simulate_trial
 from seatrial.estimation.simulation.delayed_control import DELAY
-from seatrial.estimation.simulation.sensor_errors import (
-    Sensor,
-    bias_name,
-    correlation_name,
-    dof_name,
-    drift_name,
-    lag_name,
-    noise_name,
-    share_name,
-)
+from seatrial.estimation.simulation.sensor_errors import Sensor, bias_name, lag_name, noise_kinds, noise_name
 from seatrial.estimation.simulation.simulator import CURRENT, Simulator, samples_remembered
 from seatrial.manoeuvres.autopilot import Autopilot
 from seatrial.manoeuvres.relay import Relay, read_relay_family
@@ -119,9 +110,7 @@ def true_vehicle(campaign: Campaign) -> SimulatedVehicle:
 def _true_sensor(sensor: Sensor, truth: Mapping[str, float]) -> Sensor:
     """A sensor as it truly is, which an estimate may know otherwise."""
     channel = sensor.channel
-    kinds = {correlation_name(channel): "coloured", dof_name(channel): "heavy"}
-    kinds |= {drift_name(channel): "drifting", share_name(channel): "proportional"}
-    noise = next((kind for name, kind in kinds.items() if name in truth), "white")
+    noise = next((kind for name, kind in noise_kinds(channel).items() if name in truth), "white")
     return Sensor(
         channel,
         noise,

@@ -10,21 +10,17 @@ from seatrial.core.coefficients import base_name, configuration_of
 from seatrial.core.errors import InputError, located, too_few
 from seatrial.core.record import Record
 from seatrial.core.signals import ACTUAL, ANGLES, QUATERNION
-from seatrial.estimation.posterior.filter_error import FilterError
 from seatrial.estimation.posterior.first_guess import first_guess
-from seatrial.estimation.posterior.output_error import OutputError, initial_name
+from seatrial.estimation.posterior.output_error import initial_name
 from seatrial.estimation.posterior.posterior import Parameter, Posterior
 from seatrial.estimation.posterior.record_posterior import (
     guess_of,
-    likelihood_of,
     make_posterior,
     parameters_of,
     priors_of_guess,
 )
 from seatrial.estimation.priors import Normal, Prior
-from seatrial.estimation.simulation.sensor_errors import noise_name
 from seatrial.estimation.simulation.starts import first_measured, level_start
-from seatrial.estimation.simulation.trial_data import TrialData
 from seatrial.selection.structures import Structure
 from seatrial.vehicles.model import VehicleModel
 
@@ -43,8 +39,12 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
             prior too wide or too narrow to compute with, or what varies between trials of which there is one.
     """
     model = campaign.model(structure)
-    parameters = build_parameters(campaign, model, records)
-    _check_parameters(campaign, parameters, records)
+    _check_parameters(campaign, build_parameters(campaign, model, records), records)
+    return _posterior(campaign, model, records)
+
+
+def _posterior(campaign: Campaign, model: VehicleModel, records: Sequence[Record]) -> Posterior:
+    """Return the posterior of a model, given trials that are not checked to determine it; errors as `make_posterior`."""
     starts = [initial_state(campaign, model, record) for record in records]
     _check_turns(model, records, campaign.channels)
     with located(str(campaign.path)):
@@ -59,7 +59,12 @@ def build_posterior(campaign: Campaign, structure: Structure, records: Sequence[
             own=campaign.own,
             by_configuration=campaign.by_configuration(model),
         )
-    return replace(posterior, parameters=parameters)
+    return replace(posterior, parameters=_shown(campaign, posterior.parameters))
+
+
+def _shown(campaign: Campaign, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Return parameters in the units of their priors."""
+    return tuple(replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters)
 
 
 def widest(structures: Sequence[Structure]) -> Structure:
@@ -129,34 +134,7 @@ def build_parameters(campaign: Campaign, model: VehicleModel, records: Sequence[
     priors = _priors(campaign, model, records)
     configurations = tuple(dict.fromkeys(record.configuration for record in records))
     differing = campaign.by_configuration(model), configurations
-    parameters = parameters_of(model, campaign.sensor_models, priors, labels, campaign.own, *differing)
-    return tuple(replace(one, shown=campaign.shown(one.name, one.unit)) for one in parameters)
-
-
-def build_likelihood(
-    campaign: Campaign, model: VehicleModel, records: Sequence[Record]
-) -> tuple[OutputError | FilterError, TrialData]:
-    """Likelihood of several trials, and its data.
-
-    Raises:
-        InputError: records or sensors that this likelihood cannot use, with the campaign's file.
-    """
-    starts = [initial_state(campaign, model, record) for record in records]
-    values = {one.name: np.nan for one, _ in campaign.other_unknowns(model)}
-    values |= {noise_name(state): first_sd(campaign.noise, state) for state in model.states}
-    _check_turns(model, records, campaign.channels)
-    with located(str(campaign.path)):
-        return likelihood_of(
-            model,
-            records,
-            campaign.sensor_models,
-            values,
-            starts,
-            own=campaign.own,
-            by_configuration=campaign.by_configuration(model),
-            free_initial=campaign.estimation.free_initial,
-            starts_over_ground=campaign.estimation.initial != "trim",
-        )
+    return _shown(campaign, parameters_of(model, campaign.sensor_models, priors, labels, campaign.own, *differing))
 
 
 def posterior_of_one(campaign: Campaign, structure: Structure, record: Record) -> Posterior:
@@ -164,13 +142,10 @@ def posterior_of_one(campaign: Campaign, structure: Structure, record: Record) -
 
     Not by `build_posterior`, which asks for two trials where coefficients vary between them, and for measurements.
     """
-    model = shared_model(campaign, structure)
-    parameters = build_parameters(campaign, model, [record])
+    wide = _posterior(campaign, shared_model(campaign, structure), [record])
     names = {one.name for one in build_parameters(campaign, campaign.model(structure), [record])}
-    present = np.array([float(one.name in names) for one in parameters])
-    return Posterior(
-        parameters, *build_likelihood(campaign, model, [record]), present=None if present.all() else present
-    )
+    present = np.array([float(name in names) for name in wide.names])
+    return replace(wide, present=None if present.all() else present, guess=None)
 
 
 def _check_turns(model: VehicleModel, records: Sequence[Record], channels: Sequence[str]) -> None:

@@ -57,14 +57,7 @@ from seatrial.estimation.regression.equation_error import (
     measured_accelerations,
     smoothed_accelerations,
 )
-from seatrial.estimation.simulation.sensor_errors import (
-    correlation_name,
-    dof_name,
-    drift_name,
-    drift_time_name,
-    noise_name,
-    share_name,
-)
+from seatrial.estimation.simulation.sensor_errors import noise_kinds, noise_name
 from seatrial.messages.effects import contents_text, shares_text
 from seatrial.messages.render import sentence
 from seatrial.messages.values import change_text, value_lines
@@ -359,7 +352,6 @@ def _smoothed(model: VehicleModel, record: Record, window: float) -> Acceleratio
 
 def ignored(campaign: Campaign, structure: Structure) -> str:
     """Unknowns of the campaign that a regression takes as zero."""
-    kinds = (noise_name, dof_name, correlation_name, drift_name, drift_time_name, share_name)
-    noise = {kind(channel) for channel in campaign.channels for kind in kinds}
+    noise = {name for channel in campaign.channels for name in (noise_name(channel), *noise_kinds(channel))}
     names = [one.name for one, _ in campaign.other_unknowns(campaign.model(structure)) if one.name not in noise]
     return f"a regression of accelerations ignores {', '.join(names)}, which biases its values" if names else ""

@@ -13,7 +13,7 @@ from seatrial.campaign.data.import_logs import Trials
 from seatrial.campaign.design.problem import applied_controls
 from seatrial.campaign.design.sweep import design_key, design_next
 from seatrial.campaign.inference.estimate import estimate_all
-from seatrial.campaign.inference.posterior import build_likelihood, shared_model
+from seatrial.campaign.inference.posterior import build_posterior, shared_model
 from seatrial.campaign.prior.predictive import speeds
 from seatrial.campaign.store.estimates import Estimate, HasKey, OfStructure
 from seatrial.campaign.store.stored_result import Store, StoredResult, key_of
@@ -289,8 +289,8 @@ def _follow(
 
 
 def _output(campaign: Campaign, estimate: Estimate, trials: Trials) -> tuple[OutputError, TrialData]:
-    likelihood, data = build_likelihood(campaign, campaign.model(estimate.structure), trials.fit)
-    return likelihood.output, data
+    posterior = build_posterior(campaign, estimate.structure, trials.fit)
+    return posterior.likelihood.output, posterior.data
 
 
 def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, np.ndarray]:

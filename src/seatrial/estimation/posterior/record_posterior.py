@@ -32,10 +32,7 @@ from seatrial.estimation.posterior.unknowns import (
 from seatrial.estimation.priors import Prior
 from seatrial.estimation.simulation.delayed_control import DELAY
 from seatrial.estimation.simulation.disturbance import disturbed_axes
-from seatrial.estimation.simulation.sensor_errors import (
-    Sensor,
-    noise_name,
-)
+from seatrial.estimation.simulation.sensor_errors import Sensor, noise_kinds, noise_name
 from seatrial.estimation.simulation.simulator import CURRENT
 from seatrial.estimation.simulation.starts import start_of
 from seatrial.estimation.simulation.trial_data import TrialData
@@ -356,17 +353,6 @@ def _of_trial(one: Unknown, label: str, priors: Mapping[str, Prior]) -> Paramete
     return one.of_trial(label, priors.get(own_name(one.name, label)) or priors[one.name])
 
 
-# What gives a sensor a parameter of that kind.
-_OF_SENSORS = {
-    "tau": 'noise="coloured"',
-    "dof": 'noise="heavy"',
-    "drift": 'noise="drifting"',
-    "share": 'noise="proportional"',
-    "bias": "bias=True",
-    "lag": "lag=True",
-}
-
-
 def _check_priors(
     priors: Mapping[str, Prior], unknown: Sequence[Unknown], own: Sequence[str], of_trials: Sequence[str]
 ) -> None:
@@ -387,9 +373,10 @@ def _check_priors(
             if name in allowed:
                 continue
             kind, _, channel = name.partition("_")
-            remedy = nearest(name, allowed)
-            if kind in _OF_SENSORS and noise_name(channel) in allowed:
-                remedy = f'make it Sensor("{channel}", {_OF_SENSORS[kind]}), or leave {name} out'
+            remedy, of_noise = nearest(name, allowed), noise_kinds(channel).get(name)
+            if (of_noise or kind in ("bias", "lag")) and noise_name(channel) in allowed:
+                needed_option = f'noise="{of_noise}"' if of_noise else f"{kind}=True"
+                remedy = f'make it Sensor("{channel}", {needed_option}), or leave {name} out'
             found, expected = f'"{name}", which nothing uses', "among " + ", ".join(allowed)
             raise InputError(where, found=found, expected=expected, remedy=remedy)
 

@@ -68,14 +68,8 @@ class Sensor:
     @property
     def noise_parameters(self) -> tuple[str, ...]:
         """Names of the parameters of its noise."""
-        of_kind = {
-            "white": (),
-            "coloured": (correlation_name,),
-            "heavy": (dof_name,),
-            "drifting": (drift_name, drift_time_name),
-            "proportional": (share_name,),
-        }
-        return tuple(name(self.channel) for name in (noise_name, *of_kind[self.noise]))
+        own = (name for name, kind in noise_kinds(self.channel).items() if kind == self.noise)
+        return noise_name(self.channel), *own
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -156,6 +150,17 @@ def drift_time_name(channel: str) -> str:
 def share_name(channel: str) -> str:
     """Return the parameter name of the part of a channel's noise in proportion to its signal, over that signal."""
     return f"share_{channel}"
+
+
+def noise_kinds(channel: str) -> dict[str, Noise]:
+    """Return the kind of noise by the names of the parameters that it has for a channel beside its size."""
+    return {
+        correlation_name(channel): "coloured",
+        dof_name(channel): "heavy",
+        drift_name(channel): "drifting",
+        drift_time_name(channel): "drifting",
+        share_name(channel): "proportional",
+    }
 
 
 def bias_name(channel: str) -> str:
