@@ -251,7 +251,7 @@ def test_a_gauge_whose_offset_differs_between_trials_has_one_noise(tmp_path, pul
     draws = {"sigma_force_X": np.full((5, 1), 0.3), "bias_force_X[log]": np.full((5, 1), 1.7)}
     estimate = SimpleNamespace(draws=lambda names: draws[names[0]])
     sensor = next(one for one in found.sensor_models if one.channel == "force_X")
-    assert noise_of(sensor, found.own, estimate) == pytest.approx(0.3)
+    assert noise_of(found, sensor, estimate) == pytest.approx(0.3)
 
 
 # What the next campaign makes of it.

@@ -349,11 +349,13 @@ def _as_input_error(
             key_place(path, text, key), found=refusal["found"], expected=refusal["expected"], remedy=refusal["remedy"]
         )
     alike, field = [error for other, error in errors if other == place], field_at(schema, place)
-    is_described = first["type"] == "string_pattern_mismatch" and field is not None
+    expected = " or ".join(dict.fromkeys(map(_expected, alike)))
+    if first["type"] == "string_pattern_mismatch" and field is not None:
+        expected = str(field.description)
     return InputError(
         where,
         found=_shown(first.get("input")),
-        expected=str(field.description) if is_described else " or ".join(dict.fromkeys(map(_expected, alike))),
+        expected=expected,
         remedy=next(filter(None, map(_value_remedy, alike)), "correct the value"),
     )
 

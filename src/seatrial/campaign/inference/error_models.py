@@ -13,14 +13,13 @@ import numpy as np
 
 from seatrial.campaign.config.campaign import Campaign
 from seatrial.campaign.config.priors import prior_of_keys
-from seatrial.core.coefficients import CoefficientName
 from seatrial.core.record import Record
-from seatrial.core.signals import SPEEDS, signal_unit
+from seatrial.core.signals import SPEEDS
 from seatrial.estimation.posterior.filter_error import process_name
+from seatrial.estimation.posterior.unknowns import unknowns_of
 from seatrial.estimation.simulation.disturbance import disturbance_name, disturbance_time_name, force_per_rate
 from seatrial.estimation.simulation.sensor_errors import correlation_name, drift_name, drift_time_name
 from seatrial.selection.structures import Structure
-from seatrial.vehicles.model import VehicleModel
 
 SMALLEST = 1e-4  # Least process noise or force that a prior allows, over the size of the motion
 LONGEST = 3.0  # Longest memory of an error that drifts, over the length of a run: of a longer one a run sees an offset
@@ -103,11 +102,7 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
     """Return the campaign with another model of the error."""
     if not error.estimation:
         return campaign
-    model, sensors = campaign.model(structure), campaign.sensors
-    added = {
-        name: prior_of_keys(table, _unit(name, model), campaign.where(f"prior.{name}"), name)
-        for name, table in error.priors.items()
-    }
+    sensors = campaign.sensors
     kept = dict(campaign.priors)
     if "residuals" in error.estimation:
         sensors = {channel: one.model_copy(update={"residuals": None}) for channel, one in sensors.items()}
@@ -115,7 +110,14 @@ def with_error_model(campaign: Campaign, structure: Structure, error: ErrorModel
         gone = (disturbance_name(""), disturbance_time_name(""), process_name(""))
         kept = {name: prior for name, prior in kept.items() if not name.startswith(gone)}
     settings = campaign.estimation.model_copy(update=error.estimation)
-    return replace(campaign, estimation=settings, sensors=sensors, priors=kept | added)
+    changed = replace(campaign, estimation=settings, sensors=sensors, priors=kept)
+    unknown = unknowns_of(campaign.model(structure), changed.sensor_models, error.priors)
+    units = {one.name: one.unit for one in unknown}
+    added = {
+        name: prior_of_keys(table, units[name], campaign.where(f"prior.{name}"), name)
+        for name, table in error.priors.items()
+    }
+    return replace(changed, priors=kept | added)
 
 
 def _size(size: float) -> dict[str, Any]:
@@ -124,13 +126,3 @@ def _size(size: float) -> dict[str, Any]:
 
 def _log_uniform(lower: float, upper: float) -> dict[str, Any]:
     return {"distribution": "log-uniform", "lower": float(f"{lower:.2g}"), "upper": float(f"{upper:.2g}")}
-
-
-def _unit(name: str, model: VehicleModel) -> str:
-    if name.startswith((disturbance_time_name(""), correlation_name(""), drift_time_name(""))):
-        return "s"
-    if name.startswith(drift_name("")):
-        return signal_unit(name.removeprefix(drift_name("")))
-    if name.startswith(disturbance_name("")):
-        return model.unit_of(CoefficientName.parse(f"{name.removeprefix(disturbance_name(''))}_0"))
-    return signal_unit(name.removeprefix(process_name("")))

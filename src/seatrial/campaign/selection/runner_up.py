@@ -1,6 +1,6 @@
 """The two most probable structures side by side: what choosing between them changes in motion, and which trial would decide."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -82,11 +82,7 @@ def compare_speeds(
         [_difference(*which, time, a[..., i], b[..., i]) for which, (time, a, b) in zip(driven, runs, strict=True)]
         for i in range(len(channels))
     ]
-    trim = campaign.channel_trim
-    noise = [
-        noise_of(sensors[name], campaign.own, best, trim.get(name, 0.0)) if name in sensors else 1.0
-        for name in channels
-    ]
+    noise = [noise_of(campaign, sensors[name], best) if name in sensors else 1.0 for name in channels]
     most = np.argmax([max(one.largest for one in each) / own for each, own in zip(speeds, noise, strict=True)])
     return channels[most], speeds[most]
 
@@ -126,16 +122,10 @@ def absorbed(difference: Float[Array, " n"], sensitivities: Float[Array, "n k"])
     return rest
 
 
-def noise_of(sensor: Sensor, own: Collection[str], estimate: Estimate, shown: float = 0.0) -> float:
-    """Return the standard deviation of a sensor's residuals, its noise included, SI: its posterior mean.
-
-    Args:
-        sensor: with what is unknown about it.
-        own: unknowns of which every trial has its own.
-        estimate: posterior.
-        shown: by the sensor, SI, on which noise in proportion to the signal depends.
-    """
-    return float(noise_sd(sensor, _noise_draws(sensor, own, estimate), shown).mean())
+def noise_of(campaign: Campaign, sensor: Sensor, estimate: Estimate) -> float:
+    """Return the standard deviation of a sensor's residuals about what it shows at trim, SI: its posterior mean."""
+    shown = campaign.channel_trim.get(sensor.channel, 0.0)
+    return float(noise_sd(sensor, _noise_draws(campaign, sensor, estimate), shown).mean())
 
 
 def leading_channel(model: VehicleModel, channels: Sequence[str]) -> str:
@@ -225,10 +215,9 @@ def _nats(
     simulators = [_output(campaign, estimate, trials)[0].simulator for estimate in (truth, other)]
     step, mask = float(time[1] - time[0]), campaign.measured_mask(time)
     samples = tuple(np.flatnonzero(mask[:, c]) for c in range(mask.shape[1]))
-    trim = campaign.channel_trim
-    noise = np.array([noise_of(one, campaign.own, best, trim.get(one.channel, 0.0)) for one in campaign.sensor_models])
+    noise = np.array([noise_of(campaign, sensor, best) for sensor in campaign.sensor_models])
     memory = [
-        _memory(sensor, campaign.own, best, step * (at[1] - at[0]))
+        _memory(campaign, sensor, best, step * (at[1] - at[0]))
         for sensor, at in zip(campaign.sensor_models, samples, strict=True)
     ]
     start = np.array(campaign.state_trim(campaign.model(best.structure)))
@@ -304,15 +293,15 @@ def _of_new_trial(campaign: Campaign, estimate: Estimate) -> Mapping[str, np.nda
     return {name: np.asarray(value) for name, value in shared.items()}
 
 
-def _memory(sensor: Sensor, own: Collection[str], estimate: Estimate, gap: float) -> float:
+def _memory(campaign: Campaign, sensor: Sensor, estimate: Estimate, gap: float) -> float:
     """Correlation of one sample's noise with the next one's."""
-    slow = slow_noise(sensor, _noise_draws(sensor, own, estimate))
+    slow = slow_noise(sensor, _noise_draws(campaign, sensor, estimate))
     return slow.share * float(np.exp(-gap / slow.time)) if slow else 0.0
 
 
-def _noise_draws(sensor: Sensor, own: Collection[str], estimate: Estimate) -> dict[str, np.ndarray]:
+def _noise_draws(campaign: Campaign, sensor: Sensor, estimate: Estimate) -> dict[str, np.ndarray]:
     """Return the draws of what is unknown about a sensor in all trials alike, as its noise is."""
-    return {name: estimate.draws([name])[:, 0] for name in sensor.parameters if name not in own}
+    return {name: estimate.draws([name])[:, 0] for name in sensor.parameters if name not in campaign.own}
 
 
 NEXT = "the next trial"
@@ -355,14 +344,13 @@ def stored_contenders(
 def _compare(campaign: Campaign, best: Estimate, runner: Estimate, trials: Trials, sweep: Sweep) -> Contenders:
     channel, manoeuvres = compare_speeds(campaign, best, runner, trials, sweep)
     sensor = next((one for one in campaign.sensor_models if one.channel == channel), None)
-    trim = campaign.channel_trim.get(channel, 0.0)
     nats = expected_nats(campaign, best, runner, trials, sweep)
     row, column = largest_of(nats)
     return Contenders(
         best=best.structure,
         runner_up=runner.structure,
         channel=channel,
-        noise=float("nan") if sensor is None else noise_of(sensor, campaign.own, best, trim),
+        noise=float("nan") if sensor is None else noise_of(campaign, sensor, best),
         manoeuvres=tuple(manoeuvres),
         amplitude=sweep.amplitude,
         period=sweep.period,

@@ -8,13 +8,21 @@ Messages" of the developers' pages. Format characters with a multiplier of their
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat, TableInfo, Wanted, as_column
+from seatrial.logs.formats.protocol import (
+    Block,
+    ColumnInfo,
+    LogFile,
+    LogFormat,
+    TableInfo,
+    Wanted,
+    as_column,
+    kept_index,
+)
 
 _HEAD = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
@@ -79,11 +87,11 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    return _index_of(log).tables
+    return _index(log).tables
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    where = _index_of(log).where
+    where = _index(log).where
     chosen: dict[int, list[str]] = {}
     for table in wanted:
         chosen.setdefault(where[table][0], []).append(table)
@@ -100,14 +108,9 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
                     yield Block(table, columns, min(read / size, 1.0))
 
 
-def _index_of(log: LogFile) -> _Index:
-    stat = log.path.stat()
-    return _index(log.path, stat.st_size, stat.st_mtime_ns)
-
-
-@lru_cache(maxsize=4)
-def _index(path: Path, size: int, changed: int) -> _Index:
-    """Count the messages of each type and instance; kept, since a catalogue is followed by a reading."""
+@kept_index
+def _index(path: Path) -> _Index:
+    """Count the messages of each type and instance."""
     units: dict[str, str] = {}
     multipliers: dict[str, float] = {}
     described: dict[int, tuple[str, str]] = {}

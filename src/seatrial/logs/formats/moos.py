@@ -7,7 +7,6 @@ MOOS-IvP, "pLogger" and "The ALog Toolbox".
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +20,7 @@ from seatrial.logs.formats.protocol import (
     LogFormat,
     TableInfo,
     Wanted,
+    kept_index,
 )
 
 VALUE = "value"
@@ -47,8 +47,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    stat = log.path.stat()
-    return _index(log.path, stat.st_size, stat.st_mtime_ns)
+    return _index(log)
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
@@ -73,9 +72,9 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
             yield table.block(1.0)
 
 
-@lru_cache(maxsize=4)
-def _index(path: Path, size: int, changed: int) -> tuple[TableInfo, ...]:
-    """List the variables; kept, since a catalogue is followed by a reading."""
+@kept_index
+def _index(path: Path) -> tuple[TableInfo, ...]:
+    """List the variables."""
     rows: dict[bytes, int] = {}
     keys: dict[bytes, dict[bytes, None]] = {}
     skipped = _Skipped()

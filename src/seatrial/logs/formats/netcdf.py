@@ -12,7 +12,6 @@ import numpy as np
 
 from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
-    BLOCK_ROWS,
     MAX_ELEMENTS,
     TIME_UNITS,
     Block,
@@ -22,6 +21,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    blocks_of,
     clock_unit,
 )
 
@@ -64,16 +64,11 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     with _opened(log) as variables:
-        tables = {name: members for name, members in _tables(variables).items() if name in wanted}
-        total, read = max(sum(members[0].rows for members in tables.values()), 1), 0
-        for name, members in tables.items():
-            rows = members[0].rows
-            by_name = {variable.name: variable for variable in members}
-            for start in range(0, rows, BLOCK_ROWS):
-                stop = min(start + BLOCK_ROWS, rows)
-                read += stop - start
-                columns = {column: _values(by_name, column, start, stop) for column in wanted[name]}
-                yield Block(name, columns, read / total)
+        tables = {
+            name: {one.name: one for one in members} for name, members in _tables(variables).items() if name in wanted
+        }
+        rows = {name: next(iter(members.values())).rows for name, members in tables.items()}
+        yield from blocks_of(rows, wanted, lambda table, column, *ends: _values(tables[table], column, *ends))
 
 
 @contextmanager

@@ -14,7 +14,6 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
-    BLOCK_ROWS,
     MAX_ELEMENTS,
     Block,
     ColumnInfo,
@@ -23,6 +22,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    blocks_of,
     clocks_among,
 )
 
@@ -75,9 +75,9 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
         for name, columns in wanted.items():
             rows = max(array.rows for array in tables[name])
             loaded = {column: _column(archive, log, column, rows) for column in columns}
-            for start in range(0, rows, BLOCK_ROWS):
-                stop = min(start + BLOCK_ROWS, rows)
-                yield Block(name, {column: values[start:stop] for column, values in loaded.items()}, stop / rows)
+            yield from blocks_of(
+                {name: rows}, wanted, lambda _, column, start, stop, loaded=loaded: loaded[column][start:stop]
+            )
 
 
 @contextmanager

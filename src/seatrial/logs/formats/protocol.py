@@ -10,8 +10,9 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ _CLOCK = re.compile(
     r"(?:[\s_]*[\[(]?(?P<unit>ns|nsec|us|usec|ms|msec|s|sec|secs|seconds|min|h)[\])]?)?"
 )
 
+Index = TypeVar("Index")
 Wanted = Mapping[str, Sequence[str]]
 """For each table the columns to read."""
 
@@ -185,6 +187,17 @@ class Columns:
         return Block(self.table, columns, done)
 
 
+def kept_index(index: Callable[[Path], Index]) -> Callable[[LogFile], Index]:
+    """Return a function of a log that keeps its index while the file stays as it is: a catalogue is followed by a reading."""
+    kept = lru_cache(maxsize=4)(lambda path, size, changed: index(path))
+
+    def index_of(log: LogFile) -> Index:
+        stat = log.path.stat()
+        return kept(log.path, stat.st_size, stat.st_mtime_ns)
+
+    return index_of
+
+
 def unreadable(path: Path, cause: OSError) -> InputError:
     """Return the error of a file that is there and cannot be read."""
     return InputError(
@@ -193,6 +206,24 @@ def unreadable(path: Path, cause: OSError) -> InputError:
         expected="a readable file",
         remedy="check its permissions and the disk",
     )
+
+
+def blocks_of(
+    rows: Mapping[str, int], wanted: Wanted, read: Callable[[str, str, int, int], np.ndarray]
+) -> Iterator[Block]:
+    """Yield tables of which any rows can be read, block after block.
+
+    Args:
+        rows: of each table that is wanted.
+        wanted: columns of each.
+        read: returns rows of a column of a table, from one to before another.
+    """
+    total, done = max(sum(rows.values()), 1), 0
+    for table, count in rows.items():
+        for start in range(0, count, BLOCK_ROWS):
+            stop = min(start + BLOCK_ROWS, count)
+            done += stop - start
+            yield Block(table, {name: read(table, name, start, stop) for name in wanted[table]}, done / total)
 
 
 def optional(extra: str, path: Path) -> AbstractContextManager[None]:

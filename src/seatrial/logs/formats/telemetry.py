@@ -24,6 +24,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    kept_index,
     optional,
 )
 
@@ -119,7 +120,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    return _index_of(log).tables
+    return _index(log).tables
 
 
 def mavlink(path: Path) -> Any:
@@ -138,7 +139,7 @@ def mavlink(path: Path) -> Any:
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     messages = mavlink(log.path).mavlink_map
-    where = _index_of(log).where
+    where = _index(log).where
     chosen: dict[int, list[tuple[str, tuple[int, int] | None]]] = {}
     for table in wanted:
         chosen.setdefault(where[table][0], []).append((table, where[table][1]))
@@ -173,14 +174,9 @@ def _block(table: str, names: Any, times: list[int], payloads: list[bytes], layo
     return Block(table, columns, min(done, 1.0))
 
 
-def _index_of(log: LogFile) -> _Index:
-    stat = log.path.stat()
-    return _index(log.path, stat.st_size, stat.st_mtime_ns)
-
-
-@lru_cache(maxsize=4)
-def _index(path: Path, size: int, changed: int) -> _Index:
-    """Count the messages of each type and sender; kept, since a catalogue is followed by a reading."""
+@kept_index
+def _index(path: Path) -> _Index:
+    """Count the messages of each type and sender."""
     messages = mavlink(path).mavlink_map
     counts: dict[int, dict[tuple[int, int], int]] = {}
     skipped = _Skipped()
