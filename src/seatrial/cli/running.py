@@ -94,6 +94,16 @@ def with_campaign(folder: Path, quiet: bool, work: Work, asked: typer.Context | 
     watched(quiet, alone)
 
 
+def of_campaign(work: Work, also: str = "") -> Callable[..., None]:
+    """Return the command that does some work on a campaign, and has no options of its own; arguments as `with_campaign`."""
+
+    def command(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+        with_campaign(folder, quiet, work, context, also)
+
+    command.__doc__ = work.__doc__
+    return command
+
+
 def _answered(home: Path, reporter: Any, work: Work, asked: typer.Context, also: str) -> Exit:
     """Give the answer that was kept, or do the work and keep what it says."""
     from seatrial.campaign.store.answer_cache import keep, key_of_answer, recall

@@ -4,52 +4,49 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, of_campaign, with_campaign
 from seatrial.sampling.names import DEFAULT, METHODS
 
 
-def check(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def check(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Check records for wrong signs, units, delays and outliers.
 
     It also lists the terms that each record can determine, and writes a plot of the raw signals.
     """
+    if not campaign.has_records:
+        return _say_what_is_missing(campaign, answer)
+    from seatrial.campaign.data.check import check_records, summary_line
+    from seatrial.campaign.data.thruster_check import thruster_lines
+    from seatrial.campaign.prior.cautions import vehicle_cautions
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.messages.render import row_of, sentences
+    from seatrial.report.figure_files import write_check_picture
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        if not campaign.has_records:
-            return _say_what_is_missing(campaign, answer)
-        from seatrial.campaign.data.check import check_records, summary_line
-        from seatrial.campaign.data.thruster_check import thruster_lines
-        from seatrial.campaign.prior.cautions import vehicle_cautions
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.messages.render import row_of, sentences
-        from seatrial.report.figure_files import write_check_picture
-
-        trials = Workflow(campaign, reporter).get("trials")
-        pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
-        if lines := thruster_lines(campaign.vehicle, campaign.channels):
-            answer.say("\n".join(lines))
-        judged = check_records(campaign, trials)
-        for one, picture in zip(judged, pictures, strict=True):
-            answer.say("\n".join(one.lines()))
-            answer.say(f"  raw plot: {picture}")
-            answer.name_file(f"raw plot of {one.record.label}", picture)
-        answer.say(summary_line(judged))
-        answer.give(
-            records=[
-                {
-                    "label": one.record.label,
-                    "level": one.level,
-                    "findings": list(map(row_of, one.findings)),
-                    "cautions": sentences(one.cautions),
-                }
-                for one in judged
-            ]
-        )
-        for text in vehicle_cautions(campaign):
-            answer.caution(text)
-        return Exit.ALARMS if any(one.level == "alarm" for one in judged) else Exit.OK
-
-    with_campaign(folder, quiet, work, context)
+    trials = Workflow(campaign, reporter).get("trials")
+    pictures = [write_check_picture(campaign.folder, record) for record in (*trials.fit, *trials.predict)]
+    if lines := thruster_lines(campaign.vehicle, campaign.channels):
+        answer.say("\n".join(lines))
+    judged = check_records(campaign, trials)
+    for one, picture in zip(judged, pictures, strict=True):
+        answer.say("\n".join(one.lines()))
+        answer.say(f"  raw plot: {picture}")
+        answer.name_file(f"raw plot of {one.record.label}", picture)
+    answer.say(summary_line(judged))
+    answer.give(
+        records=[
+            {
+                "label": one.record.label,
+                "level": one.level,
+                "findings": list(map(row_of, one.findings)),
+                "cautions": sentences(one.cautions),
+            }
+            for one in judged
+        ]
+    )
+    for text in vehicle_cautions(campaign):
+        answer.caution(text)
+    return Exit.ALARMS if any(one.level == "alarm" for one in judged) else Exit.OK
 
 
 def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
@@ -66,37 +63,34 @@ def _say_what_is_missing(campaign: Any, answer: Answer) -> Exit:
     return answer.finish([], file_cautions(campaign))
 
 
-def tuning(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def tuning(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Check the tuning of the filter, and recommend changes.
 
     P is the uncertainty at the start, Q the process noise, R the noise of the sensors.
     """
+    from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.messages.render import row_of
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.inference.filter_tuning import WHERE, check_filter
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.messages.render import row_of
-
-        flow = Workflow(campaign, reporter)
-        checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
-        for check in checks:
-            answer.say(f"record {check.record.label}")
-            answer.say("\n".join(check.lines()))
-        answer.say(WHERE)
-        answer.give(
-            records=[
-                {
-                    "record": one.record.label,
-                    "nis": one.report.nis,
-                    "nis_band": one.report.nis_band,
-                    "changes": list(map(row_of, one.report.findings)),
-                }
-                for one in checks
-            ]
-        )
-        return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
-
-    with_campaign(folder, quiet, work, context)
+    flow = Workflow(campaign, reporter)
+    checks = check_filter(campaign, flow.get("full"), flow.get("trials"))
+    for check in checks:
+        answer.say(f"record {check.record.label}")
+        answer.say("\n".join(check.lines()))
+    answer.say(WHERE)
+    answer.give(
+        records=[
+            {
+                "record": one.record.label,
+                "nis": one.report.nis,
+                "nis_band": one.report.nis_band,
+                "changes": list(map(row_of, one.report.findings)),
+            }
+            for one in checks
+        ]
+    )
+    return Exit.OK if all(check.tuned for check in checks) else Exit.ALARMS
 
 
 def calibrate(

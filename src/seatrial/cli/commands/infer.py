@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, of_campaign, with_campaign
 
 MAX_LINES = 10  # Structures of which `estimate` prints one line
 
@@ -77,102 +77,91 @@ def profile(
     with_campaign(folder, quiet, work, context)
 
 
-def select(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def select(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Decide which terms the data support."""
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.campaign.workflow.whole_run import timed
+    from seatrial.messages.structures import BEFORE_DATA, agreement_words, contenders_lines, screening_lines
+    from seatrial.report.figure_files import write_select_picture
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.campaign.workflow.whole_run import timed
-        from seatrial.messages.structures import BEFORE_DATA, agreement_words, contenders_lines, screening_lines
-        from seatrial.report.figure_files import write_select_picture
-
-        flow = Workflow(campaign, reporter)
-        with timed(flow, reporter, "selection"):
-            screened, cautions = flow.get("screening")
-            if screened is not None:
-                answer.say("\n".join(screening_lines(screened)))
-            campaign, selection = flow.get("candidates"), flow.get("selection")
-        for row, evidence in zip(selection.rows, selection.evidences, strict=True):
-            value = f"log evidence {row.log_evidence:.3f} ± {row.log_evidence_error:.3f}"
-            if row.log_evidence_with_errors is not None:
-                value += f", with every error {row.log_evidence_with_errors:.3f}"
-            answer.say(f"{row.label}  {value}  probability {row.probability:.3f}  {' '.join(row.terms)}")
-            answer.say(f"  {agreement_words(evidence, row.log_evidence_needed)}")
-        if any(row.log_evidence_with_errors is not None for row in selection.rows):
-            answer.say("probabilities use the evidences with every error that a ± contains")
-        if len(selection.rows) > 1:
-            answer.say(BEFORE_DATA[selection.structure_prior])
-        for verdict in selection.verdicts:
-            answer.say(verdict)
-        answer.give_result(selection)
-        contenders = flow.get("contenders")
-        if contenders is not None:
-            answer.say("\n".join(contenders_lines(contenders, selection)))
-        if screened is not None or contenders is not None:
-            answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
-        never = [term for term in campaign.rules.never if term in campaign.structure.optional]
-        if never:
-            cautions = [*cautions, f"the rules exclude {', '.join(never)}: no structure has it"]
-        return answer.finish(list(selection.alarms), [*cautions, *selection.cautions])
-
-    with_campaign(folder, quiet, work, context)
+    flow = Workflow(campaign, reporter)
+    with timed(flow, reporter, "selection"):
+        screened, cautions = flow.get("screening")
+        if screened is not None:
+            answer.say("\n".join(screening_lines(screened)))
+        campaign, selection = flow.get("candidates"), flow.get("selection")
+    for row, evidence in zip(selection.rows, selection.evidences, strict=True):
+        value = f"log evidence {row.log_evidence:.3f} ± {row.log_evidence_error:.3f}"
+        if row.log_evidence_with_errors is not None:
+            value += f", with every error {row.log_evidence_with_errors:.3f}"
+        answer.say(f"{row.label}  {value}  probability {row.probability:.3f}  {' '.join(row.terms)}")
+        answer.say(f"  {agreement_words(evidence, row.log_evidence_needed)}")
+    if any(row.log_evidence_with_errors is not None for row in selection.rows):
+        answer.say("probabilities use the evidences with every error that a ± contains")
+    if len(selection.rows) > 1:
+        answer.say(BEFORE_DATA[selection.structure_prior])
+    for verdict in selection.verdicts:
+        answer.say(verdict)
+    answer.give_result(selection)
+    contenders = flow.get("contenders")
+    if contenders is not None:
+        answer.say("\n".join(contenders_lines(contenders, selection)))
+    if screened is not None or contenders is not None:
+        answer.wrote("picture", write_select_picture(campaign, selection, screened, contenders))
+    never = [term for term in campaign.rules.never if term in campaign.structure.optional]
+    if never:
+        cautions = [*cautions, f"the rules exclude {', '.join(never)}: no structure has it"]
+    return answer.finish(list(selection.alarms), [*cautions, *selection.cautions])
 
 
-def criteria(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def criteria(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Compare structures by AIC, BIC, WAIC and others."""
+    from seatrial.campaign.selection.criteria import nested_pairs
+    from seatrial.campaign.selection.evidence import current_selection
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.messages.criteria import criteria_cautions, criteria_lines, pair_line
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.selection.criteria import nested_pairs
-        from seatrial.campaign.selection.evidence import current_selection
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.messages.criteria import criteria_cautions, criteria_lines, pair_line
-
-        flow = Workflow(campaign, reporter)
-        trials, campaign = flow.get("trials"), flow.get("candidates")
-        estimates, result = flow.get("estimates"), flow.get("criteria")
-        answer.say("\n".join(criteria_lines(result)))
-        pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
-        if pairs:
-            answer.say("Savage-Dickey, nats in favour of the term:")
-        for pair in pairs:
-            answer.say(f"  {pair_line(pair)}")
-        rows = [
-            {
-                "structure": one.structure.label,
-                "criterion": name,
-                "value": value.value,
-                "error": value.error,
-                "status": status,
-            }
-            for one in result
-            for name, (value, status) in one.values().items()
-        ]
-        answer.give(criteria=rows, savage_dickey=pairs)
-        alarms = [text for item in estimates for text in item.alarms]
-        alarms += [
-            f"evidence and Savage-Dickey do not agree about {pair_line(pair)}" for pair in pairs if not pair.agrees
-        ]
-        return answer.finish(alarms, criteria_cautions(result))
-
-    with_campaign(folder, quiet, work, context)
+    flow = Workflow(campaign, reporter)
+    trials, campaign = flow.get("trials"), flow.get("candidates")
+    estimates, result = flow.get("estimates"), flow.get("criteria")
+    answer.say("\n".join(criteria_lines(result)))
+    pairs = nested_pairs(campaign, estimates, trials, current_selection(campaign, trials))
+    if pairs:
+        answer.say("Savage-Dickey, nats in favour of the term:")
+    for pair in pairs:
+        answer.say(f"  {pair_line(pair)}")
+    rows = [
+        {
+            "structure": one.structure.label,
+            "criterion": name,
+            "value": value.value,
+            "error": value.error,
+            "status": status,
+        }
+        for one in result
+        for name, (value, status) in one.values().items()
+    ]
+    answer.give(criteria=rows, savage_dickey=pairs)
+    alarms = [text for item in estimates for text in item.alarms]
+    alarms += [f"evidence and Savage-Dickey do not agree about {pair_line(pair)}" for pair in pairs if not pair.agrees]
+    return answer.finish(alarms, criteria_cautions(result))
 
 
-def crossvalidate(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def crossvalidate(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Predict each fitted run from the others, by each model."""
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.campaign.workflow.whole_run import timed
+    from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.campaign.workflow.whole_run import timed
-        from seatrial.messages.cross_validation import complaints, cross_validation_lines, disagreement
-
-        flow = Workflow(campaign, reporter)
-        with timed(flow, reporter, "cross_validation"):
-            result = flow.get("cross_validation")
-        answer.say("\n".join(cross_validation_lines(result)))
-        answer.give_result(result)
-        return answer.finish([*filter(None, [disagreement(result)])], complaints(result))
-
-    with_campaign(folder, quiet, work, context)
+    flow = Workflow(campaign, reporter)
+    with timed(flow, reporter, "cross_validation"):
+        result = flow.get("cross_validation")
+    answer.say("\n".join(cross_validation_lines(result)))
+    answer.give_result(result)
+    return answer.finish([*filter(None, [disagreement(result)])], complaints(result))
 
 
 def _by_chains(campaign: Any, reporter: Any, answer: Answer, verbose: bool) -> Exit:

@@ -1,11 +1,12 @@
 """The whole loop, and its page."""
 
 from enum import StrEnum
+from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from seatrial.cli.running import Answer, Exit, Folder, Quiet, with_campaign
+from seatrial.cli.running import Answer, Exit, Folder, Quiet, of_campaign, with_campaign
 
 
 class NextBy(StrEnum):
@@ -15,22 +16,19 @@ class NextBy(StrEnum):
     MODE = "mode"
 
 
-def report(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@partial(of_campaign, also="run")
+def report(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Write report.html; compute missing results first.
 
     After `estimate --by mode` it reports the posterior mode, and does not start the chains.
     """
+    from seatrial.campaign.workflow.loop import run_loop
+    from seatrial.campaign.workflow.next_trial import propose
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.workflow.loop import run_loop
-        from seatrial.campaign.workflow.next_trial import propose
-
-        if remedy := _chains_unasked(campaign):
-            return _report_of_mode(campaign, reporter, answer, remedy)
-        outcome = run_loop(campaign, reporter)
-        return _tell_and_report(answer, outcome, propose(outcome))
-
-    with_campaign(folder, quiet, work, context, also="run")
+    if remedy := _chains_unasked(campaign):
+        return _report_of_mode(campaign, reporter, answer, remedy)
+    outcome = run_loop(campaign, reporter)
+    return _tell_and_report(answer, outcome, propose(outcome))
 
 
 def _report_of_mode(campaign: Any, reporter: Any, answer: Answer, remedy: str) -> Exit:
@@ -70,22 +68,19 @@ def _chains_unasked(campaign: Any) -> str:
     return f"{words}, in about {duration_text(seconds)} by the size of the records and earlier times on this machine"
 
 
-def run(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def run(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Run the whole loop and write report.html.
 
     After an interruption it continues. On a simulated vehicle it runs trial after trial until the goal is met.
     """
+    from seatrial.campaign.workflow.loop import run_sequence
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.campaign.workflow.whole_run import timed
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.workflow.loop import run_sequence
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.campaign.workflow.whole_run import timed
-
-        with timed(Workflow(campaign), reporter, "estimates", of="and the rest"):
-            results = run_sequence(campaign, reporter)
-        return _tell_and_report(answer, *results)
-
-    with_campaign(folder, quiet, work, context)
+    with timed(Workflow(campaign), reporter, "estimates", of="and the rest"):
+        results = run_sequence(campaign, reporter)
+    return _tell_and_report(answer, *results)
 
 
 def next_trial(

@@ -8,43 +8,40 @@ from typing import Annotated, Any
 import typer
 
 from seatrial.cli.answer import Answer, Exit
-from seatrial.cli.running import Folder, Quiet, with_campaign
+from seatrial.cli.running import Folder, Quiet, of_campaign, with_campaign
 
 
-def prior(context: typer.Context, folder: Folder, quiet: Quiet = False) -> None:
+@of_campaign
+def prior(campaign: Any, reporter: Any, answer: Answer) -> Exit:
     """Show the speeds that the priors allow, before any data."""
+    from seatrial.campaign.prior.cautions import file_cautions
+    from seatrial.campaign.workflow.steps import Workflow
+    from seatrial.core.signals import signal_unit
+    from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
+    from seatrial.report.figure_files import write_prior_picture
 
-    def work(campaign: Any, reporter: Any, answer: Answer) -> Exit:
-        from seatrial.campaign.prior.cautions import file_cautions
-        from seatrial.campaign.workflow.steps import Workflow
-        from seatrial.core.signals import signal_unit
-        from seatrial.messages.priors import prior_alarms, prior_cautions, prior_lines
-        from seatrial.report.figure_files import write_prior_picture
-
-        result = Workflow(campaign, reporter).get("prior")
-        answer.say("\n".join(prior_lines(result, campaign.shown)))
-        settled = result.settled
-        answer.give(
-            over=result.over,
-            steady_speed=None if settled is None else _quantiles(settled.speed),
-            time_constant=None if settled is None else _quantiles(settled.time_constant),
-            diverging=float(result.diverged.mean()),
-            channels=[
-                {
-                    "channel": one.channel,
-                    "unit": signal_unit(one.channel),
-                    "lowest": float(one.bands[0].min()),
-                    "highest": float(one.bands[-1].max()),
-                    "measured_inside": one.held,
-                }
-                for one in result.channels
-            ],
-            priors=result.believed,
-        )
-        answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, result))
-        return answer.finish(prior_alarms(result), [*file_cautions(campaign), *prior_cautions(result)])
-
-    with_campaign(folder, quiet, work, context)
+    result = Workflow(campaign, reporter).get("prior")
+    answer.say("\n".join(prior_lines(result, campaign.shown)))
+    settled = result.settled
+    answer.give(
+        over=result.over,
+        steady_speed=None if settled is None else _quantiles(settled.speed),
+        time_constant=None if settled is None else _quantiles(settled.time_constant),
+        diverging=float(result.diverged.mean()),
+        channels=[
+            {
+                "channel": one.channel,
+                "unit": signal_unit(one.channel),
+                "lowest": float(one.bands[0].min()),
+                "highest": float(one.bands[-1].max()),
+                "measured_inside": one.held,
+            }
+            for one in result.channels
+        ],
+        priors=result.believed,
+    )
+    answer.wrote("picture", write_prior_picture(campaign.folder, campaign.name, result))
+    return answer.finish(prior_alarms(result), [*file_cautions(campaign), *prior_cautions(result)])
 
 
 def _quantiles(values: Any) -> list[float | None]:
