@@ -1,4 +1,4 @@
-"""Pages of the catalogue: one entry for `seatrial explain CODE`, and all of them for `docs/dev/findings.md`."""
+"""Pages of the catalogue: an entry for `seatrial explain CODE`, and the list of all."""
 
 from dataclasses import replace
 
@@ -40,15 +40,3 @@ def listing() -> str:
     """Return every code with its title, one a line."""
     width = max(map(len, ENTRIES))
     return "\n".join(f"{code:<{width}}  {entry.title}" for code, entry in ENTRIES.items())
-
-
-def page() -> str:
-    """Return the page of all codes."""
-    parts = [
-        "# Findings\n",
-        "Each message about a result has a code. `seatrial explain CODE` prints its entry; `--json` lists codes under `findings`.\n"
-        'If you know of a caution or alarm, `[checks] accept = ["CODE"]` in the campaign file shortens it to one line.\n',
-    ]
-    for subject, file in SUBJECTS.items():
-        parts += [f"## {subject}\n", *(explanation(code, heading="###") for code in file.ENTRIES)]
-    return "\n".join(parts)

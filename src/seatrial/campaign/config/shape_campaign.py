@@ -8,7 +8,6 @@ from seatrial.core.argument_checks import check_choice
 from seatrial.core.errors import InputError
 from seatrial.core.units import quantity
 from seatrial.estimation.priors.from_shape import ShapePriors, priors_from_shape
-from seatrial.estimation.priors.normal import LogNormal
 from seatrial.vehicles.shape import FORMS, QUALITIES
 
 UNITS = dict.fromkeys(("length", "diameter", "beam", "height", "nose", "tail"), "m") | {"mass": "kg"}
@@ -56,6 +55,11 @@ def shape_campaign_text(text: str, found: ShapePriors) -> str:
         float(f"{-priors[linear].median - priors[quadratic].median:.1g}")
         for linear, quadratic in (("X_u", "X_uabsu"), ("Y_v", "Y_vabsv"), ("N_r", "N_rabsr"))
     )
+    tables = "\n\n".join(
+        f"[prior.{name}]  # {found.sources[name]}\n"
+        f'distribution = "log-normal"\nmedian = {prior.median:.3g}\nfactor = {prior.factor:g}'
+        for name, prior in priors.items()
+    )
     following = "seatrial prior DIR; seatrial design DIR. Then write your log under [import]"
     return f"""{file_head(f"{shape.body} of {shape.mass:g} kg", f"from a shape: {text}", following)}
 
@@ -75,7 +79,8 @@ trim = {{ u = "0 m/s", tau_X = "0 N", tau_Y = "0 N", tau_N = "0 N m" }}
 always = {json.dumps(list(priors))}
 
 # 68 % lie within the factor of the median, 95 % within its square.
-{"".join(f"[prior.{name}]  # {found.sources[name]}{chr(10)}{_keys(prior)}{chr(10)}{chr(10)}" for name, prior in priors.items())}\
+{tables}
+
 {sensor_lines(["u", "v", "r"])}
 
 # The log determines the initial state.
@@ -97,8 +102,3 @@ together.tau_N = {{ amplitude = "{yaw:g} N m", period = 0.7 }}
 # [truth]
 {chr(10).join(f"# {name} = {prior.median:.3g}" for name, prior in priors.items())}
 """
-
-
-def _keys(prior: LogNormal) -> str:
-    """Return the keys of the table of a prior."""
-    return f'distribution = "log-normal"\nmedian = {prior.median:.3g}\nfactor = {prior.factor:g}'
