@@ -77,13 +77,14 @@ def prior_cautions(predictive: "PriorPredictive") -> list[str]:
     has_motion = predictive.diverged.mean() <= MAX_LOST_SHARE and (settled is None or most_have(settled.speed))
     if predictive.lost.mean() > MAX_ODD_SHARE and has_motion:
         none = "diverge" if settled is None else "diverge or reach no steady speed"
-        stiff, what = bool(predictive.stiff.sum() > 0.5 * predictive.lost.sum()), f"are unphysical (they {none})"
-        if stiff:
-            what = f"change too quickly for steps of {predictive.step:.3g} s (they diverge, most not in steps a tenth as long)"
-        messages.append(
-            f"{_percent(predictive.lost)} of the draws from the prior {what}: {_mend(predictive)}"
-            + ", or shorten the steps (sample_time of [design], step of [import])" * stiff
+        stiff = bool(predictive.stiff.sum() > 0.5 * predictive.lost.sum())
+        what = (
+            f"of the draws from the prior change too quickly for steps of {predictive.step:.3g} s, and diverge: {_mend(predictive)}. "
+            "Shorter steps help too: sample_time of [design], step of [import]"
+            if stiff
+            else f"of the draws from the prior are unphysical (they {none}): {_mend(predictive)}"
         )
+        messages.append(f"{_percent(predictive.lost)} {what}")
     missed = any(one.held < HARDLY_SHARE for one in predictive.channels)
     if settled is not None and most_have(settled.speed) and not missed:
         low, high = np.nanquantile(np.abs(settled.speed), (QUANTILE_LEVELS[0], QUANTILE_LEVELS[-1]))

@@ -58,8 +58,8 @@ class Sensor:
                 f"Sensor, noise of {self.channel}",
                 found='"proportional", of an angle or a position',
                 expected="a channel with a natural zero, such as a velocity or a depth",
-                remedy=f"give {self.channel} another kind, for example white; in a campaign, its [sensors] table may have "
-                'residuals = "white" of its own',
+                remedy=f"give {self.channel} another kind, for example white; in a campaign, write "
+                'residuals = "white" in its [sensors] table',
             )
         for name in ("bias", "lag", "over_ground"):
             remedy = "give True or False; its size is a separate value or prior"
