@@ -64,7 +64,6 @@ def test_what_a_trial_without_information_is_worth(name):
     assert found(np.zeros((3, 3))) == pytest.approx(NOTHING[name], abs=1e-12)
     one_direction = np.outer([1.0, 2.0, 1e4], [1.0, 2.0, 1e4])
     assert np.isfinite(found(one_direction))
-    assert found.unit in ("nat", "1")
 
 
 @every

@@ -7,7 +7,8 @@ Atkinson, Donev and Tobias, Optimum Experimental Designs, 2007, ch. 10; with a p
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -38,8 +39,6 @@ class Discrimination:
     draws: Float[np.ndarray, "S k"]
     absent: Bool[np.ndarray, "R k"]
     cov: Float[np.ndarray, "k k"]
-    name = "discrimination"
-    unit = "nat"
 
     def __call__(self, information: Float[Array, "*batch S k k"]) -> Float[Array, "*batch S"]:
         """Return the utility of information matrices, one for each draw along the axis before the last two."""
@@ -64,106 +63,59 @@ class Discrimination:
 SINGULAR = 1e-10
 
 
-class Criterion(Protocol):
-    """What every utility offers; implementations are frozen dataclasses that hold what is known before the trial.
+Criterion = Callable[[Float[Array, "*batch k k"]], Float[Array, "*batch"]]
+"""Utility of Fisher information matrices, SI.
 
-    Attributes:
-        name: as a campaign spells it.
-        unit: of the number, `1` for a plain ratio.
-    """
-
-    name: str
-    unit: str
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """Return the utility of Fisher information matrices, SI.
-
-        JAX arrays, traced ones too, give JAX arrays that can be differentiated; NumPy arrays give NumPy arrays.
-        """
-        ...
+JAX arrays, traced ones too, give JAX arrays that can be differentiated; NumPy arrays give NumPy arrays.
+"""
 
 
-@dataclass(frozen=True, eq=False)
-class Entropy:
-    """D: 0.5 ln det(F + P0^-1) + 0.5 ln det P0 = 0.5 ln det(I + G), from 0; the same for any choice of coefficients."""
-
-    factor: Float[np.ndarray, "k k"]
-    name = "fisher-d"
-    unit = "nat"
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """See `Criterion`."""
-        xp = array_module(information)
-        return 0.5 * xp.linalg.slogdet(_gained(self.factor, information) + np.eye(len(self.factor)))[1]
+def entropy(factor: Float[np.ndarray, "k k"], information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+    """D: 0.5 ln det(F + P0^-1) + 0.5 ln det P0 = 0.5 ln det(I + G), nats, from 0; the same for any choice of coefficients."""
+    xp = array_module(information)
+    return 0.5 * xp.linalg.slogdet(_gained(factor, information) + np.eye(len(factor)))[1]
 
 
-@dataclass(frozen=True, eq=False)
-class MeanVariance:
+def mean_variance(factor: Float[np.ndarray, "k k"], information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
     """A: minus the mean over the coefficients of variance after over variance before; from -1, nothing learned, to 0."""
-
-    factor: Float[np.ndarray, "k k"]
-    name = "fisher-a"
-    unit = "1"
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """See `Criterion`."""
-        before = (self.factor**2).sum(1)
-        return -_left(self.factor / np.sqrt(before)[:, None], self.factor, information).mean(-1)
+    before = (factor**2).sum(1)
+    return -_left(factor / np.sqrt(before)[:, None], factor, information).mean(-1)
 
 
-@dataclass(frozen=True, eq=False)
-class LeastKnown:
+def least_known(factor: Float[np.ndarray, "k k"], information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
     """E: smallest eigenvalue of I + G, from 1, nothing learned in some direction."""
-
-    factor: Float[np.ndarray, "k k"]
-    name = "fisher-e"
-    unit = "1"
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """See `Criterion`."""
-        return 1.0 + _eigenvalues(self.factor, information)[..., 0]
+    return 1.0 + _eigenvalues(factor, information)[..., 0]
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
-    """Modified E: minus ln(largest / smallest eigenvalue of G), at most 0, all combinations seen alike.
+def balance(factor: Float[np.ndarray, "k k"], information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
+    """Modified E: minus ln(largest / smallest eigenvalue of G), nats, at most 0, all combinations seen alike.
 
     It is of the data alone: with the prior added, a trial that teaches nothing would look best of all. Nor does it say how much
     is learned, only how evenly. Where some combination is not seen at all it is ln SINGULAR, -23, and no less.
     """
-
-    factor: Float[np.ndarray, "k k"]
-    name = "fisher-me"
-    unit = "nat"
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """See `Criterion`."""
-        xp = array_module(information)
-        values = _eigenvalues(self.factor, information)
-        least, largest = values[..., 0], values[..., -1]
-        ratio = least / xp.where(largest > 0.0, largest, 1.0)
-        return xp.log(xp.maximum(ratio, SINGULAR))
+    xp = array_module(information)
+    values = _eigenvalues(factor, information)
+    least, largest = values[..., 0], values[..., -1]
+    ratio = least / xp.where(largest > 0.0, largest, 1.0)
+    return xp.log(xp.maximum(ratio, SINGULAR))
 
 
-@dataclass(frozen=True, eq=False)
-class PredictionCriterion:
-    """c: ln of standard deviation before over after of g.c, a prediction with gradient g in the coefficients; from 0."""
-
-    factor: Float[np.ndarray, "k k"]
-    gradient: Float[np.ndarray, " k"]
-    name = "fisher-c"
-    unit = "nat"
-
-    def __call__(self, information: Float[Array, "*batch k k"]) -> Float[Array, "*batch"]:
-        """See `Criterion`."""
-        seen = self.gradient @ self.factor
-        direction = (seen / np.linalg.norm(seen))[None]
-        return -0.5 * array_module(information).log(_left(direction, self.factor, information)[..., 0])
+def prediction_gain(
+    factor: Float[np.ndarray, "k k"], information: Float[Array, "*batch k k"], gradient: Float[np.ndarray, " k"]
+) -> Float[Array, "*batch"]:
+    """c: ln of standard deviation before over after of g.c, a prediction with gradient g in the coefficients; nats, from 0."""
+    seen = gradient @ factor
+    direction = (seen / np.linalg.norm(seen))[None]
+    return -0.5 * array_module(information).log(_left(direction, factor, information)[..., 0])
 
 
-# Every utility from Fisher information, by the name a campaign gives it
-CRITERIA: dict[str, Callable[..., Criterion]] = {
-    kind.name: kind for kind in (Entropy, MeanVariance, LeastKnown, Balance, PredictionCriterion)
+# Every utility from Fisher information, by the name a campaign gives it: a function of the Cholesky factor L and F
+CRITERIA: dict[str, Callable[..., Array]] = {
+    "fisher-d": entropy,
+    "fisher-a": mean_variance,
+    "fisher-e": least_known,
+    "fisher-me": balance,
+    "fisher-c": prediction_gain,
 }
 
 
@@ -183,11 +135,8 @@ def find_criterion(
     if name not in CRITERIA:
         raise InputError("utility", found=f'"{name}"', expected=", ".join(CRITERIA), remedy=nearest(name, CRITERIA))
     factor = _factor(np.asarray(prior_cov, float))
-    return (
-        PredictionCriterion(factor, _checked(gradient, len(factor)))
-        if name == PredictionCriterion.name
-        else CRITERIA[name](factor)
-    )
+    of_prediction = {"gradient": _checked(gradient, len(factor))} if name == "fisher-c" else {}
+    return partial(CRITERIA[name], factor, **of_prediction)
 
 
 def _factor(cov: np.ndarray) -> np.ndarray:
@@ -215,7 +164,7 @@ def _checked(gradient: np.ndarray | None, k: int) -> np.ndarray:
     result = None if gradient is None else np.asarray(gradient, float)
     if result is None or result.shape != (k,) or not np.isfinite(result).all() or not result.any():
         raise InputError(
-            f"utility {PredictionCriterion.name}, gradient",
+            "utility fisher-c, gradient",
             found="none" if result is None else f"{result}",
             expected=f"{k} finite numbers, not all 0: the change of the prediction with each coefficient",
             remedy="state the prediction to improve",
