@@ -184,11 +184,22 @@ def _random_levels(kind: str, seed: int) -> Float[np.ndarray, " levels"]:
     return np.roll(levels, -(seed % 127))
 
 
-# Sums of sines, and sines that grow faster.
+class Wave:
+    """What sums of sines, and sines that grow faster, have in common: no levels, both sides of trim, and the whole active time."""
+
+    sides = "±"
+
+    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
+        """See `Shape.draw`."""
+        return np.empty(0)
+
+    def longest(self, active: Any) -> Any:
+        """See `Shape.longest`."""
+        return active
 
 
 @dataclass(frozen=True)
-class Multisine:
+class Multisine(Wave):
     """Sum of harmonics of the period with phases that keep its peaks low, as many whole periods as fit; peak 1.
 
     Phases are Schroeder's (IEEE Trans. Inf. Theory 16, 1970) for a flat spectrum, and begin the search for those of the lowest peak where
@@ -203,15 +214,6 @@ class Multisine:
     period_is: str
     harmonics: tuple[int, ...]
     lowest: bool = False
-
-    @property
-    def sides(self) -> str:
-        """See `Shape.sides`."""
-        return "±"
-
-    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
-        """See `Shape.draw`."""
-        return np.empty(0)
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`; the ends are joined smoothly by the wave itself, which starts where it is zero."""
@@ -228,10 +230,6 @@ class Multisine:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * max(self.harmonics))
 
-    def longest(self, active: Any) -> Any:
-        """See `Shape.longest`."""
-        return active
-
     def part(self, k: int, longer: Sequence[float]) -> Part:
         """See `Shape.part`: of as many controls every so many-th harmonic, of those whose frequency no earlier control has."""
         taken: set[float] = set()
@@ -244,7 +242,7 @@ class Multisine:
 
 
 @dataclass(frozen=True)
-class Chirp:
+class Chirp(Wave):
     """Sine whose frequency grows exponentially over the active time, by a stated ratio; it ends on a whole wave.
 
     The first wave is as long as the period, or longer by what makes the number of waves whole.
@@ -252,15 +250,6 @@ class Chirp:
 
     period_is: str
     ratio: float
-
-    @property
-    def sides(self) -> str:
-        """See `Shape.sides`."""
-        return "±"
-
-    def draw(self, seed: int) -> Float[np.ndarray, " levels"]:
-        """See `Shape.draw`."""
-        return np.empty(0)
 
     def share(self, elapsed: Any, period: Any, active: Any, ramp: Any, levels: Array) -> Array:
         """See `Shape.share`."""
@@ -274,10 +263,6 @@ class Chirp:
     def shortest(self, period: Any) -> Any:
         """See `Shape.shortest`: half the shortest wave."""
         return period / (2 * self.ratio)
-
-    def longest(self, active: Any) -> Any:
-        """See `Shape.longest`."""
-        return active
 
     def part(self, k: int, longer: Sequence[float]) -> Part:
         """See `Shape.part`: later by a quarter of the first wave, so that two are never at one frequency at a time."""
