@@ -17,7 +17,6 @@ from seatrial.core.reporter import Reporter
 from seatrial.design.design_problem import DesignProblem, check_whole_trials
 from seatrial.design.robust import information_table
 from seatrial.design.trial_design import Beside
-from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 Utility = Callable[[np.ndarray], np.ndarray]
@@ -132,6 +131,8 @@ class BatchSearch:
         criterion = problem.criterion(problem.draws)
         batch = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), self.trials)
         chosen = [places[index] for index in batch.designs]
-        settings = [(sweep.family, float(sweep.amplitude[i]), float(sweep.period[j])) for sweep, i, j in chosen]
-        words, manoeuvres = (design_words(*one) for one in settings), (one[0].manoeuvre(*one[1:]) for one in settings)
-        return PlannedBatch(tuple(words), batch, tuple(manoeuvres), problem.utility_unit)
+        words = tuple(sweep.words(i, j) for sweep, i, j in chosen)
+        manoeuvres = (
+            sweep.family.manoeuvre(float(sweep.amplitude[i]), float(sweep.period[j])) for sweep, i, j in chosen
+        )
+        return PlannedBatch(words, batch, tuple(manoeuvres), problem.utility_unit)

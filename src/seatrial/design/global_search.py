@@ -19,7 +19,7 @@ from seatrial.design.safety import judge_safety
 from seatrial.design.sweep import all_controls, inside_limits
 from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.family import Family, design_words
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
 BatchedUtility = Callable[[np.ndarray], np.ndarray]
@@ -142,10 +142,8 @@ class GlobalSearch:
         optima, refused = [], []
         for family in problem.families:
             plan = problem.plan(family)
-            worth, progress = (
-                _worth_of(problem, plan, family, choosing),
-                reporter.progress(f"global search: {family.words}"),
-            )
+            worth = _worth_of(problem, plan, family, choosing)
+            progress = reporter.progress(f"global search: {family.words}")
             optimum = search_globally(worth, *_box(problem), self.budget // count, problem.seed, progress)
             if optimum is None:
                 refused.append(family.words)
@@ -165,14 +163,13 @@ class GlobalSearch:
         # On draws that had no part in the search, by their mean: of the worst of few draws little can be said.
         fresh = problem.fresh
         utility, beside_it = utility_table(plan, controls, problem.few(fresh), problem.criterion(fresh)).mean(1)
-        row, column = best.best
         return Searched(
             family.kind,
             float(at[0]),
             float(at[1]),
             float(utility),
             float(beside_it),
-            design_words(best.family, float(best.amplitude[row]), float(best.period[column])),
+            best.words(*best.best),
             self.budget // count // POPULATION * POPULATION * count,
             optimum.settled,
             problem.safety_lines(plan, control, fresh),

@@ -21,7 +21,6 @@ from seatrial.design.results import EXPECTED, Measures
 from seatrial.design.robust import utility_table
 from seatrial.design.trial_design import Beside
 from seatrial.estimation.posterior.filter_error import process_name
-from seatrial.manoeuvres.family import design_words
 
 FISHER_CRITERIA = ("fisher-d", "fisher-a", "fisher-e", "fisher-me")
 # Four times the usual importance draws: weak designs leave posteriors that press on the priors' bounds
@@ -61,8 +60,7 @@ class MeasureSearch:
         plan, cov = problem.plan(), prior_cov(priors)
         names, controls, entropy = [], [], []
         for sweep, row, column in _spread(designs.sweeps, self.count):
-            amplitude, period = float(sweep.amplitude[row]), float(sweep.period[column])
-            names.append(design_words(sweep.family, amplitude, period))
+            names.append(sweep.words(row, column))
             controls.append(sweep.controls(row, column))
             entropy.append(float(sweep.gain[row, column]))
         held, key = np.stack(controls), random_key(problem.seed, "expected gain")

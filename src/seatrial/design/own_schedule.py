@@ -10,7 +10,6 @@ from seatrial.design.results import OwnTrial
 from seatrial.design.safety import judge_safety
 from seatrial.design.trial_design import Beside, plan_as_run
 from seatrial.design.trial_plan import TrialPlan
-from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import Schedule
 
 
@@ -37,14 +36,13 @@ class OwnSearch:
         utility, of_best = (float(problem.utilities(one, held[None], fresh, draws)[0]) for one, held in pairs)
         limits, probability = problem.motion, problem.probability
         safety = judge_safety(plan, controls[None], fresh[:HALF], limits, probability) if limits else None
-        row, column = best.best
         sd, sd_beside = (_sd_after(one, held, draws) for one, held in pairs)
         return OwnTrial(
             source=self.source,
             duration=float(time[-1]),
             utility=utility,
             beside=of_best,
-            best=design_words(best.family, float(best.amplitude[row]), float(best.period[column])),
+            best=best.words(*best.best),
             best_duration=float(best.family.end),
             unit=problem.utility_unit,
             names=plan.names,

@@ -4,6 +4,8 @@ The information of a nonlinear vehicle depends on the very coefficients the tria
 mean may be poor where the truth lies (Pronzato and Walter, Math. Biosci. 75, 1985).
 """
 
+from functools import partial
+
 import jax
 import numpy as np
 from jaxtyping import Array, Float
@@ -11,7 +13,7 @@ from jaxtyping import Array, Float
 from seatrial.compiled.programs import program
 from seatrial.core.errors import InputError, NumericalError
 from seatrial.design.fisher_utilities import Criterion
-from seatrial.design.sweep import in_blocks
+from seatrial.design.sweep import at_every_draw
 from seatrial.design.trial_plan import TrialPlan
 
 
@@ -76,11 +78,7 @@ def information_or_nan(
         raise _misfit("controls", controls, f"(designs, {expected[0]} samples, {expected[1]} controls)")
     if draws.ndim != 2 or draws.shape[1] != len(plan.names):
         raise _misfit("draws", draws, f"(draws, {len(plan.names)} coefficients: {', '.join(plan.names)})")
-    shape = (len(controls), len(draws))
-    design, draw = (index.ravel() for index in np.indices(shape))
-    held = jax.device_put(controls)
-    information = in_blocks(lambda which, values: (_information(plan, held, which, values),), design, draws[draw])[0]
-    return information.reshape(*shape, *information.shape[1:])
+    return at_every_draw(partial(_information, plan), controls, draws)
 
 
 @program

@@ -141,8 +141,7 @@ def judge_safety(
         InputError: limits that the vehicle cannot have, arrays of other shapes or without a number, or so few draws that not even
             limits that always hold could be claimed to hold.
     """
-    _check(probability, len(draws))
-    controls, draws = check_runs(plan, controls, draws)
+    controls, draws = _checked(plan, controls, draws, probability)
     ends = np.full(len(controls), plan.step.shape[0]) if samples is None else np.asarray(samples)
     # The same noise of the sensors for all designs and in every call, so that they differ by themselves alone.
     size = len(draws), *plan.weight.shape
@@ -160,17 +159,8 @@ def judge_runs(
     limits: Sequence[MotionLimit],
     probability: float = 0.95,
 ) -> Safety:
-    """Judge one closed-loop design, whose control differs from draw to draw; arguments and errors as `judge_safety`.
-
-    Args:
-        plan: vehicle and start of the trial.
-        controls: every control as the loop made it with each draw, SI.
-        draws: coefficients drawn from what is believed, SI.
-        limits: limits of the motion.
-        probability: with which all must hold together.
-    """
-    _check(probability, len(draws))
-    controls, draws = check_runs(plan, controls, draws)
+    """Judge one closed-loop design; arguments and errors as `judge_safety`, but the controls are those that each draw led to."""
+    controls, draws = _checked(plan, controls, draws, probability)
     least, finite = in_blocks(partial(_paired_rooms, plan, tuple(limits)), controls, draws)
     rooms = np.where(finite[:, None], least, -np.inf)[None]
     return Safety(tuple(limits), probability, rooms, (~finite).sum(keepdims=True))
@@ -254,7 +244,9 @@ def _paired_rooms(plan: TrialPlan, limits: tuple, controls: Array, draws: Array)
     return jax.vmap(lambda control, values: least_rooms(plan, limits, values, control))(controls, draws)
 
 
-def _check(probability: float, draws: int) -> None:
+def _checked(
+    plan: TrialPlan, controls: np.ndarray, draws: np.ndarray, probability: float
+) -> tuple[np.ndarray, np.ndarray]:
     if not 0 < probability < 1:
         raise InputError(
             "safety, probability",
@@ -262,11 +254,13 @@ def _check(probability: float, draws: int) -> None:
             expected="between 0 and 1",
             remedy="0.95 is a common choice",
         )
-    most = float(probability_at_least(np.array(draws), draws)) if draws else 1.0
+    size = len(draws)
+    most = float(probability_at_least(np.array(size), size)) if size else 1.0
     if most < probability:
         raise InputError(
             "safety, draws",
-            found=f"{draws} draws, which show at most a probability of {most:.4g}",
+            found=f"{size} draws, which show at most a probability of {most:.4g}",
             expected=f"enough draws to show {probability:g} with confidence {CONFIDENCE:g}",
             remedy=f"take at least {ceil(log(1 - CONFIDENCE) / log(probability))} draws, or ask for less",
         )
+    return check_runs(plan, controls, draws)

@@ -7,6 +7,7 @@ trial that is often at once.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -17,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
 from seatrial.design.safety import check_runs
-from seatrial.design.sweep import in_blocks
+from seatrial.design.sweep import at_every_draw
 from seatrial.design.trial_plan import TrialPlan
 
 Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
@@ -78,23 +79,20 @@ def best_stops(
         NumericalError: a motion diverges before the first end.
     """
     controls, draws = check_runs(plan, controls, draws)
-    n, k, shape = plan.step.shape[0], len(plan.names), (len(controls), len(draws))
+    n, k = plan.step.shape[0], len(plan.names)
     at = np.unique(np.linspace(1, n, min(ends, n)).round().astype(int))
-    design, draw = (index.ravel() for index in np.indices(shape))
-    held = jax.device_put(controls)
-    result = in_blocks(lambda which, values: (_until(plan, held, at, which, values),), design, draws[draw])[0]
-    by_end = np.moveaxis(result.reshape(*shape, at.size, k, k), 2, 1)
+    by_end = np.moveaxis(at_every_draw(partial(_until, plan, at), controls, draws), 2, 1)
     finite = np.isfinite(by_end).all(axis=(2, 3, 4))
     if not finite.any(1).all():
         raise NumericalError("a motion diverges at a draw of the coefficients: narrow the priors, or excite less")
     by_end = np.where(np.asarray(finite)[:, :, None, None, None], by_end, 0.0)
-    gain = np.asarray(utility(by_end)).mean(-1) - np.asarray(utility(np.zeros((shape[1], k, k)))).mean()
+    gain = np.asarray(utility(by_end)).mean(-1) - np.asarray(utility(np.zeros((len(draws), k, k)))).mean()
     length = np.cumsum(np.asarray(plan.step))[at - 1]
     rate = np.where(finite, gain / (overhead + length), -np.inf)
-    best, each = rate.argmax(1), np.arange(shape[0])
+    best, each = rate.argmax(1), np.arange(len(controls))
     return BestStops(rate[each, best], at[best], length[best], by_end[each, best])
 
 
 @program
-def _until(plan: TrialPlan, controls: Array, ends: Array, which: Array, values: Array) -> Array:
+def _until(plan: TrialPlan, ends: Array, controls: Array, which: Array, values: Array) -> Array:
     return jax.vmap(lambda i, point: information_until(plan, point, controls[i], ends))(which, values)

@@ -22,7 +22,7 @@ from seatrial.filters.run import filter_within
 from seatrial.filters.square_root import unscented_filter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.manoeuvres.autopilot import Autopilot
-from seatrial.manoeuvres.family import Family
+from seatrial.manoeuvres.family import Family, design_words
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 from seatrial.manoeuvres.pilot import Moment, close_loop
 from seatrial.numerics.integrate import Law, time_loop
@@ -96,6 +96,10 @@ class Sweep:
         if self.length is None:
             return self
         return replace(self, family=replace(self.family, ended=float(self.length[self.best])))
+
+    def words(self, row: int, column: int) -> str:
+        """Name one design, as `design_words`."""
+        return design_words(self.family, float(self.amplitude[row]), float(self.period[column]))
 
     def best_manoeuvre(self) -> Manoeuvre:
         """The best design, as long as it is to be run."""
@@ -268,6 +272,16 @@ def in_blocks(run: Callable[..., tuple], *designs: np.ndarray) -> list[np.ndarra
     with ThreadPoolExecutor(max_workers=1 if on_accelerator() else cores()) as pool:
         results = pool.map(lambda block: jax.tree.map(np.asarray, run(*(x[block] for x in designs))), blocks)
         return [np.concatenate(parts)[:n] for parts in zip(*results, strict=True)]
+
+
+def at_every_draw(
+    run: Callable[[Array, Array, Array], Array], controls: Float[np.ndarray, "D n c"], draws: Float[np.ndarray, "S k"]
+) -> np.ndarray:
+    """Run every design with every draw, in blocks: `(all controls, number of each design, coefficients)`; shape (D, S, ...)."""
+    shape, held = (len(controls), len(draws)), jax.device_put(controls)
+    design, draw = (index.ravel() for index in np.indices(shape))
+    result = in_blocks(lambda which, values: (run(held, which, values),), design, draws[draw])[0]
+    return result.reshape(*shape, *result.shape[1:])
 
 
 @program(static_argnums=0)

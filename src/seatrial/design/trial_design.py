@@ -40,7 +40,7 @@ from seatrial.design.trial_plan import TrialPlan
 from seatrial.estimation.posterior.posterior import as_key, check_priors
 from seatrial.estimation.posterior.simulated_record import checked_rates
 from seatrial.estimation.priors import Prior
-from seatrial.manoeuvres.family import Family, design_words
+from seatrial.manoeuvres.family import Family
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import Schedule
 from seatrial.sampling.run import Draws
@@ -502,7 +502,7 @@ def _weigh(problem: DesignProblem, sweep: Sweep, scales: np.ndarray) -> Sweep:
         chosen_by = draws[: len(draws) // 2]
         safety = judge_safety(plan, controls, chosen_by, problem.motion, problem.probability, samples=samples)
         places = zip(rows, columns, strict=True)
-        words = tuple(design_words(sweep.family, sweep.amplitude[i], sweep.period[j]) for i, j in places)
+        words = tuple(sweep.words(row, column) for row, column in places)
         check_some_allowed(replace(safety, names=words))
         lost = rows[~safety.allowed], columns[~safety.allowed]
         kept = {
@@ -575,6 +575,5 @@ def _samples(sweep: Sweep, length: np.ndarray) -> np.ndarray:
 
 
 def _words(sweep: Sweep) -> str:
-    row, column = sweep.best
-    words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
-    return words if sweep.length is None else f"{words}, ended after {sweep.length[row, column]:.3g} s"
+    words = sweep.words(*sweep.best)
+    return words if sweep.length is None else f"{words}, ended after {sweep.length[sweep.best]:.3g} s"

@@ -13,7 +13,6 @@ from seatrial.campaign.workflow.outcome import Outcome
 from seatrial.core.display_units import shown_unit
 from seatrial.core.record import Record
 from seatrial.design.trial_design import TrialDesign
-from seatrial.manoeuvres.family import design_words
 from seatrial.manoeuvres.schedule import schedule_of
 from seatrial.report.drawing import (
     Drawing,
@@ -105,9 +104,7 @@ def sweep_drawings(outcome: Outcome, designs: TrialDesign, name: str) -> list[Dr
 
 def best_words(designs: TrialDesign) -> str:
     """Name the best design, as a sentence begins."""
-    sweep = designs.best
-    row, column = sweep.best
-    words = design_words(sweep.family, float(sweep.amplitude[row]), float(sweep.period[column]))
+    words = designs.best.words(*designs.best.best)
     return words[:1].upper() + words[1:]
 
 
