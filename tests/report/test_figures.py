@@ -75,7 +75,7 @@ def test_a_control_shows_only_the_limits_that_are_near():
 
 
 def test_probabilities_are_bars_with_errors_inside_zero_and_one():
-    (axes,) = probability_bars(["M-0", "M-1"], [0.97, 0.03], [0.28, 0.28], 0).axes
+    (axes,) = probability_bars(["M-0", "M-1"], [0.97, 0.03], [0.28, 0.28]).axes
     assert [text.get_text() for text in axes.get_yticklabels()] == ["M-0", "M-1"]
     assert len(axes.patches) == 2
     segments = np.concatenate(axes.collections[0].get_segments())

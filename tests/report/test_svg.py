@@ -2,7 +2,7 @@ import re
 
 import numpy as np
 
-from seatrial.report.drawing import draw_svg, inline_svg
+from seatrial.report.drawing import draw, draw_svg
 from seatrial.report.figures.records import controls_over_time
 from seatrial.report.figures.style import PALETTE
 
@@ -21,7 +21,7 @@ def test_a_whole_file_is_the_same_each_time_and_names_no_date():
 
 
 def test_an_inline_figure_follows_the_colours_of_the_page():
-    svg = inline_svg(figure(), "input", "Control & time", "what <it> shows")
+    svg = draw(figure(), "input", "Control & time", "what <it> shows").svg
     assert svg.startswith("<svg viewBox=")
     assert '<title id="input-title">Control &amp; time</title>' in svg
     assert "what &lt;it&gt; shows" in svg
@@ -32,18 +32,17 @@ def test_an_inline_figure_follows_the_colours_of_the_page():
 
 
 def test_two_figures_on_a_page_share_no_id():
-    ids = [set(re.findall(r'\sid="([^"]*)"', inline_svg(figure(), name, "a title"))) for name in ("first", "second")]
+    ids = [set(re.findall(r'\sid="([^"]*)"', draw(figure(), name, "a title").svg)) for name in ("first", "second")]
     assert ids[0]
     assert not ids[0] & ids[1]
 
 
 def test_tick_labels_keep_their_digits():
     time = np.linspace(0, 1, 50)
-    svg = inline_svg(
-        controls_over_time(time, [(0.0725 + 0.0005 * np.sign(np.sin(40 * time)), "u", (None, None))]), "digits", "t"
-    )
+    values = 0.0725 + 0.0005 * np.sign(np.sin(40 * time))
+    svg = draw(controls_over_time(time, [(values, "u", (None, None))]), "digits", "t").svg
     assert re.search(r">0\.072\d<", svg)
 
 
 def test_names_in_labels_are_escaped():
-    assert "<b>" not in inline_svg(figure("<b>bold</b>"), "evil", "t")
+    assert "<b>" not in draw(figure("<b>bold</b>"), "evil", "t").svg

@@ -60,20 +60,15 @@ class Drawing(NamedTuple):
     heading: str = ""
 
 
-def inline_svg(figure: "Figure", name: str, title: str, description: str = "") -> Markup:
-    """Draw a figure as an inline SVG element.
+def inlined(text: str, name: str, title: str, description: str = "") -> Markup:
+    """Make an inline element of a whole SVG file.
 
     Args:
-        figure: figure whose colours come from the palette.
+        text: the file, as `draw_svg` drew it, with colours of the palette.
         name: unique on the page, letters, digits and hyphens: prefix of every id.
         title: what the figure is, for those who cannot see it.
         description: what it shows, likewise.
     """
-    return inlined(draw_svg(figure, name), name, title, description)
-
-
-def inlined(text: str, name: str, title: str, description: str = "") -> Markup:
-    """Make an inline element of a whole SVG file that `draw_svg` drew; see `inline_svg`."""
     head, body = text[text.index("<svg") :].split(">", 1)
     box = re.search(r'viewBox="([^"]*)"', head)
     assert box is not None
@@ -115,7 +110,7 @@ def draw(figure: "Figure", name: str, title: str, caption: str = "", heading: st
         heading: printed above.
     """
     description = caption.striptags() if isinstance(caption, Markup) else caption
-    return Drawing(inline_svg(figure, name, title, description), caption, heading)
+    return Drawing(inlined(draw_svg(figure, name), name, title, description), caption, heading)
 
 
 @lru_cache(maxsize=1)

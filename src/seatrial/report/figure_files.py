@@ -1,9 +1,11 @@
 """Pictures that commands write into a campaign's folder: profiles, priors, designs, smoothed channels; stand-alone SVG each."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from textwrap import wrap
+from typing import TYPE_CHECKING
 
 from markupsafe import escape
 
@@ -34,10 +36,12 @@ from seatrial.selection.contenders import Contenders
 from seatrial.selection.screened import Screened
 from seatrial.selection.verdict import Selection
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 def write_accelerations_picture(folder: Path, record: Record, channels: Sequence[SmoothedChannel]) -> Path:
     """Write `accelerations-LABEL.svg` in the campaign's folder, atomically, and return its path."""
-    path = folder / f"accelerations-{record.label}.svg"
     curves = []
     for channel in channels:
         name, result, (factor, unit) = channel.name, channel.smoothed, shown_unit(channel.name)
@@ -53,59 +57,37 @@ def write_accelerations_picture(folder: Path, record: Record, channels: Sequence
                 factor * result.rate_sd,
             ),
         ]
-    with own_settings():
-        write_text(path, draw_svg(smoothed_record(record.time, curves), f"accelerations-{record.label}"))
-    return path
-
-
-# The picture of a calibration: a stand-alone SVG in the campaign's folder.
+    name = f"accelerations-{record.label}"
+    return _write(folder / f"{name}.svg", name, partial(smoothed_record, record.time, curves))
 
 
 def write_calibration_picture(folder: Path, name: str, result: Calibration) -> Path:
     """Write `calibration-METHOD.svg`, atomically, and return its path."""
-    path = folder / f"calibration-{result.method}.svg"
     words = (
         f"{name}: {len(result.ranks)} true vehicles from the priors, estimated again by {result.method}; "
         f"pale bands hold all {len(result.names)} in 99 % of cases"
     )
-    with own_settings():
-        write_text(path, draw_svg(rank_figure(result, words), "calibration"))
-    return path
-
-
-# Raw plots of a record, whatever is wrong with it: every channel and every control as they are, a stand-alone SVG.
+    return _write(folder / f"calibration-{result.method}.svg", "calibration", partial(rank_figure, result, words))
 
 
 def write_check_picture(folder: Path, record: Record) -> Path:
     """Write `check-LABEL.svg` in the campaign's folder, atomically, and return its path."""
-    path = folder / f"check-{record.label}.svg"
     shown = [
         (signal_axis(name), record.channel(name) * shown_unit(name)[0]) for name in (*record.measured, *record.controls)
     ]
-    with own_settings():
-        write_text(path, draw_svg(raw_record(record.time, shown, len(record.measured)), f"raw-{record.label}"))
-    return path
-
-
-# The picture of a campaign's priors: a stand-alone SVG in its folder.
+    path, measured = folder / f"check-{record.label}.svg", len(record.measured)
+    return _write(path, f"raw-{record.label}", partial(raw_record, record.time, shown, measured))
 
 
 def write_prior_picture(folder: Path, name: str, result: PriorPredictive) -> Path:
     """Write `prior.svg` in the campaign's folder, atomically, and return its path."""
-    path = folder / "prior.svg"
-    with own_settings():
-        words = [f"{name}: predictions of the priors", *map(typeset, prior_summary(result))]
-        figure = prior_motions(result.time, *prior_panels(result), spreads=prior_spreads(result), words=words)
-        write_text(path, draw_svg(figure, "prior"))
-    return path
-
-
-# The picture of profile likelihoods: a stand-alone SVG in the campaign's folder.
+    words, spreads = [f"{name}: predictions of the priors", *map(typeset, prior_summary(result))], prior_spreads(result)
+    draw = partial(prior_motions, result.time, *prior_panels(result), spreads=spreads, words=words)
+    return _write(folder / "prior.svg", "prior", draw)
 
 
 def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], result: Profiles) -> Path:
     """Write `profile.svg` in the campaign's folder, atomically, and return its path."""
-    path = folder / "profile.svg"
     panels = [
         ProfilePanel(profile, label_mathtext(profile.label), truth.get(profile.name)) for profile in result.profiles
     ]
@@ -114,17 +96,12 @@ def write_profile_picture(folder: Path, name: str, truth: Mapping[str, float], r
         "shaded: 95 % interval: the best fit falls by less than 1.92 (dashed)" + "; dotted: true value" * bool(truth),
         *(["orange: open, because the best fit does not fall so far within the prior"] if result.open else []),
     ]
-    with own_settings():
-        write_text(path, draw_svg(profile_figure(panels, words), "profile"))
-    return path
-
-
-# The picture of a rehearsal: a stand-alone SVG in the campaign's folder.
+    return _write(folder / "profile.svg", "profile", partial(profile_figure, panels, words))
 
 
 def write_rehearsal_picture(campaign: Campaign, result: Rehearsal) -> Path:
     """Write `rehearsal.svg`, atomically, and return its path; coefficients that the goal does not name are not drawn."""
-    path, goal, model = campaign.folder / "rehearsal.svg", campaign.goal, campaign.model(campaign.full)
+    goal, model = campaign.goal, campaign.model(campaign.full)
     assert goal is not None
     named = [i for i, name in enumerate(result.coefficients) if name in goal.shares or name in goal.sds]
     terms = [CoefficientName.parse(result.coefficients[i]) for i in named]
@@ -135,18 +112,13 @@ def write_rehearsal_picture(campaign: Campaign, result: Rehearsal) -> Path:
         f"{campaign.name}: {result.vehicles} vehicles from the priors",
         "bars contain 90 %; below, the goals",
     )
-    with own_settings():
-        symbols, units = [label_mathtext(term.label) for term in terms], [model.unit_of(term) for term in terms]
-        write_text(path, draw_svg(rehearsal_figure(strategies, symbols, units, words), "rehearsal"))
-    return path
-
-
-# The picture of a self-oscillating test: a stand-alone SVG in the campaign's folder.
+    symbols, units = [label_mathtext(term.label) for term in terms], [model.unit_of(term) for term in terms]
+    draw = partial(rehearsal_figure, strategies, symbols, units, words)
+    return _write(campaign.folder / "rehearsal.svg", "rehearsal", draw)
 
 
 def write_relay_picture(campaign: Campaign, result: RelayTrial) -> Path:
     """Write `self_oscillation.svg`, atomically, and return its path: the test as it is expected at the prior means."""
-    path = campaign.folder / "self_oscillation.svg"
     loop = relay_search(campaign).loop(design_problem(campaign))
     manoeuvre, output = loop.foreseen(result.amplitude, result.threshold)
     time, control = manoeuvre.sample(campaign.family.sample_time)
@@ -154,13 +126,16 @@ def write_relay_picture(campaign: Campaign, result: RelayTrial) -> Path:
     trim = loop.family.output_trim
     thresholds = ((trim - result.threshold) * of_output, (trim + result.threshold) * of_output)
     axes = signal_axis(result.output), signal_axis(result.control)
+    draw = partial(relay_figure, time, output * of_output, control * of_control, thresholds, axes)
+    return _write(campaign.folder / "self_oscillation.svg", "self-oscillation", draw)
+
+
+def _write(path: Path, name: str, draw: "Callable[[], Figure]") -> Path:
+    """Write a figure that is drawn under the settings of this library, with ids of this name, and return its path."""
     with own_settings():
-        figure = relay_figure(time, output * of_output, control * of_control, thresholds, axes)
-        write_text(path, draw_svg(figure, "self-oscillation"))
+        write_text(path, draw_svg(draw(), name))
     return path
 
-
-# The picture of a selection: all its figures in one stand-alone SVG in the campaign's folder.
 
 COLUMNS, MARGIN, HEAD, LINE = 2, 20.0, 26.0, 13.0
 CHARACTERS = 68  # Of a caption's line

@@ -14,7 +14,6 @@ from seatrial.report.figures.structures import (
     MotionGap,
     coefficient_paths,
     inclusion_paths,
-    mark_decided,
     model_space,
     probability_bars,
     structure_gaps,
@@ -153,14 +152,8 @@ def _simulated(selection: Selection) -> TermFigure:
 
 
 def _bars(terms: Sequence[str], value: Mapping[str, float], error: Mapping[str, float]) -> "Figure":
-    figure = probability_bars(
-        [symbol(term) for term in terms],
-        [value[term] for term in terms],
-        [error[term] for term in terms],
-        axis_label="probability that it is needed",
-    )
-    mark_decided(figure.axes[0])
-    return figure
+    values, errors = ([of[term] for term in terms] for of in (value, error))
+    return probability_bars([symbol(term) for term in terms], values, errors)
 
 
 def _measured(record: Record, channel: str, factor: float) -> tuple[np.ndarray, np.ndarray] | None:

@@ -17,7 +17,6 @@ from seatrial.report.figures.style import (
     MUTED,
     ORANGE,
     PAPER,
-    POINT,
     PURPLE,
     SMALL,
     WIDE,
@@ -28,9 +27,9 @@ from seatrial.report.figures.style import (
     power_of_ten,
     sized_figure,
     style_axes,
-    thin,
     thin_steps,
     unit_label,
+    write_lines,
 )
 
 if TYPE_CHECKING:
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH, HEIGHT = 560.0, 420.0  # Of the picture, points: it stands alone
-LEFT = 60.0  # Left of the panels, points: an axis of seven characters and its name
 MOTION, ALONE = 66.0, 120.0  # Height of the panel of one channel among several, and of one alone at least, points
 REACH = 1.25  # How far above the bands single motions are followed, in widths of the frame of the bands and the record
 RANK_WIDTH, ROW, TOP, BOTTOM, LEFT, RANK_GAP = 640.0, 84.0, 26.0, 40.0, 110.0, 20.0
@@ -51,6 +49,7 @@ STYLES = {
     "doublet": (PURPLE, (0, (4, 2)), "D"),
     "random": (MUTED, (0, (1.5, 1.5)), "^"),
 }
+LEGEND = {"frameon": False, "fontsize": SMALL, "labelcolor": INK, "borderpad": 0.0, "columnspacing": 1.2}
 # First digits of ticks on a logarithmic axis, the fewest first.
 ROUND = (
     (1.0,),
@@ -115,10 +114,7 @@ def prior_motions(
     total = top + 12 + len(motions) * (each + 12) + low_panels + beneath
     figure = sized_figure(WIDTH, total, figure)
     figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
-    for i, text in enumerate(words):
-        figure.text(
-            LEFT / WIDTH, 1 - (16 + 14 * i) / total, text.replace("$", r"\$"), fontsize=SMALL, color=INK, va="baseline"
-        )
+    write_lines(figure, words, LEFT, 16)
 
     def panel(left: float, bottom: float, width: float, height: float) -> "Axes":
         return style_axes(figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total)))
@@ -167,11 +163,9 @@ def rank_figure(result: Calibration, words: str) -> "Figure":
         result: ranks.
         words: heading, plain text.
     """
-    from matplotlib.figure import Figure
-
     k = len(result.names)
     height = TOP + k * ROW + (k - 1) * RANK_GAP + BOTTOM
-    figure = Figure(figsize=(RANK_WIDTH * POINT, height * POINT), dpi=72)
+    figure = sized_figure(RANK_WIDTH, height)
     figure.text(8 / RANK_WIDTH, 1 - 14 / height, words, fontsize=SMALL + 1, color=INK)
     half = 0.5 * (RANK_WIDTH - LEFT - 70)
     low, high = result.count_band()
@@ -236,18 +230,13 @@ def rehearsal_figure(
     label_axes(shares, y="goal met [%]")
     label_axes([shares, *panels][-1], "trials run")
     total = sum(heights) + GAP * len(symbols) + top + 36
-    for i, text in enumerate(words):
-        figure.text(8 / WIDE, 1 - (12 + LINE * i) / total, text.replace("$", r"\$"), fontsize=SMALL, color=INK)
+    write_lines(figure, words, 8, 12, LINE)
     figure.legend(
         loc="upper left",
         bbox_to_anchor=(4 / WIDE, 1 - (6 + LINE * len(words)) / total),
         ncols=len(strategies),
-        frameon=False,
-        fontsize=SMALL,
-        labelcolor=INK,
-        borderpad=0.0,
         handlelength=2.2,
-        columnspacing=1.2,
+        **LEGEND,
     )
     return figure
 
@@ -261,24 +250,12 @@ def _draw_motion(axes: "Axes", time: np.ndarray, motion: Moved, legend: bool) ->
     for i, one in enumerate(single):
         axes.plot(time, one, color=ORANGE, linewidth=0.9, alpha=0.9, label="" if i else "single draws", zorder=2.5)
     if measured is not None:
-        places = np.flatnonzero(np.isfinite(measured))
-        places = places[thin(places.size)]
-        draw_dots(axes, time[places], measured[places], color=INK, size=2.0).set_zorder(4)
+        draw_dots(axes, time, measured, 1500, color=INK, size=2.0).set_zorder(4)
         axes.plot([], [], marker="o", markersize=2.5, color=INK, linestyle="none", label="measured")
     axes.set(xlim=(float(time[0]), float(time[-1])), ylim=_frame(bands, single, measured))
     label_axes(axes, y=label)
     if legend:
-        axes.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=5,
-            frameon=False,
-            fontsize=SMALL,
-            labelcolor=INK,
-            borderpad=0,
-            handlelength=1.4,
-            columnspacing=1.2,
-        )
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, handlelength=1.4, **LEGEND)
 
 
 def _frame(bands: np.ndarray, single: np.ndarray, measured: np.ndarray | None) -> tuple[float, float]:

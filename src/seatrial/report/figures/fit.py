@@ -9,7 +9,6 @@ from seatrial.core.normal import Z90
 from seatrial.report.figures.style import (
     BAND,
     BLUE,
-    DOTS,
     MUTED,
     ORANGE,
     WIDE,
@@ -92,9 +91,7 @@ def draw_fit(
     """
     colour = ORANGE if held_back else BLUE
     for panel, channel in zip(axes, channels, strict=False):
-        measured = np.flatnonzero(np.isfinite(channel.measured))
-        measured = measured[thin(measured.size, most)]
-        draw_dots(panel, time[measured], channel.measured[measured], color=DOTS, label="measured")
+        draw_dots(panel, time, channel.measured, most, label="measured")
         keep = thin(time.size, min(most, 400))
         at, mean, half = time[keep], channel.mean[keep], Z90 * channel.sd[keep]
         panel.fill_between(
@@ -151,7 +148,7 @@ def draw_residuals(
         reach = max(4.0, 1.08 * float(np.abs(residual).max(initial=0.0)))
         panel.axhspan(-Z90, Z90, color=colour, alpha=BAND, linewidth=0, label="90 % of samples belong here")
         panel.axhline(0.0, color=MUTED, linewidth=0.8)
-        draw_dots(panel, time[present], residual, color=DOTS, label="residual")
+        draw_dots(panel, time[present], residual, label="residual")
         panel.set(xlim=(float(time[0]), float(time[-1])), ylim=(-reach, reach))
         label_axes(
             panel,
@@ -188,22 +185,19 @@ def autocorrelation(time: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray,
     return lags[places] * spacing, correlation[places], int(values.size)
 
 
-def smoothed_record(time: np.ndarray, curves: Sequence[SmoothedSignal], most: int = 1500) -> "Figure":
+def smoothed_record(time: np.ndarray, curves: Sequence[SmoothedSignal]) -> "Figure":
     """Draw a panel for each curve.
 
     Args:
         time: s, shape (n,).
         curves: each of shape (n,).
-        most: samples worth drawing in a panel.
     """
     figure, axes = new_figure(WIDE, [110.0] * len(curves), left=60)
-    keep = thin(time.size, most)
+    keep = thin(time.size)
     for panel, curve in zip(axes, curves, strict=True):
         at, mean, half = time[keep], curve.mean[keep], Z90 * curve.sd[keep]
         if curve.measured is not None:
-            places = np.flatnonzero(np.isfinite(curve.measured))
-            places = places[thin(places.size, most)]
-            draw_dots(panel, time[places], curve.measured[places], color=DOTS, label="measured")
+            draw_dots(panel, time, curve.measured, 1500, label="measured")
         panel.fill_between(at, mean - half, mean + half, color=BLUE, alpha=BAND, linewidth=0, label="90 % band")
         panel.plot(at, mean, color=BLUE, linewidth=0.8, label="smoothed")
         panel.margins(y=0.1)

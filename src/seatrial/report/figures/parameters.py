@@ -113,16 +113,15 @@ def corner(
     return figure
 
 
-def chain_rows(draws: Float[np.ndarray, "c n k"], symbols: Sequence[str], most: int = 5000) -> "Figure":
+def chain_rows(draws: Float[np.ndarray, "c n k"], symbols: Sequence[str]) -> "Figure":
     """Draw four chains of each parameter, those of the lowest and highest mean among them; chains that agree lie over each other.
 
     Args:
         draws: of each chain.
         symbols: of the parameters, within dollars.
-        most: draws worth drawing in all.
     """
     figure, axes = _rows(symbols, 22.0, "draw")
-    keep = thin(draws.shape[1], min(160, most // (len(COLOURS) * len(symbols))))
+    keep = thin(draws.shape[1], min(160, 5000 // (len(COLOURS) * len(symbols))))
     for row in range(len(symbols)):
         values = draws[:, :, row]
         sd = float(values.std()) or 1.0
@@ -135,7 +134,7 @@ def chain_rows(draws: Float[np.ndarray, "c n k"], symbols: Sequence[str], most: 
     return figure
 
 
-def draw_chains(axes: "Axes", draws: np.ndarray, symbol: str, unit: str, most: int = 400) -> None:
+def draw_chains(axes: "Axes", draws: np.ndarray, symbol: str, unit: str) -> None:
     """Draw every chain of one parameter over its draws, and the mean of all of them.
 
     Chains that have mixed look alike; one that stays away from the others has not.
@@ -145,10 +144,9 @@ def draw_chains(axes: "Axes", draws: np.ndarray, symbol: str, unit: str, most: i
         draws: SI, shape (chains, draws).
         symbol: of the parameter, within dollars.
         unit: its SI unit.
-        most: draws of each chain worth drawing.
     """
     exponent = power_of_ten(*np.quantile(draws, [0.001, 0.999]))
-    keep, values = thin(draws.shape[1], most), draws * 10.0**-exponent
+    keep, values = thin(draws.shape[1], 400), draws * 10.0**-exponent
     for index, chain in enumerate(values):
         colour = COLOURS[index % len(COLOURS)]
         axes.plot(keep, chain[keep], color=colour, linewidth=0.6, alpha=0.7, label=f"chain {index + 1}")
@@ -157,9 +155,7 @@ def draw_chains(axes: "Axes", draws: np.ndarray, symbol: str, unit: str, most: i
     label_axes(axes, "draw after warm-up", unit_label(symbol, unit, exponent))
 
 
-def belief_rows(
-    time: Float[np.ndarray, " n"], rows: Sequence[Traced], starts: Sequence[float] = (), most: int = 2000
-) -> "Figure":
+def belief_rows(time: Float[np.ndarray, " n"], rows: Sequence[Traced], starts: Sequence[float] = ()) -> "Figure":
     """Draw the filter's mean and a band of two standard deviations, a row for each coefficient.
 
     The first instants, where the band is as wide as the prior, may leave the row: what follows is what matters.
@@ -168,10 +164,9 @@ def belief_rows(
         time: of the records one after another, s.
         rows: of each coefficient.
         starts: where the second record, the third, and so on begin, s.
-        most: number of points worth drawing in all.
     """
     figure, axes = _rows([one.symbol for one in rows], ROW, "time, records in sequence [s]" if starts else "time [s]")
-    keep = thin(time.size, min(260, most // len(rows)))
+    keep = thin(time.size, min(260, 2000 // len(rows)))
     for row, one in enumerate(rows):
         low, high = _settled(one)
 

@@ -10,22 +10,22 @@ from seatrial.estimation.posterior.profile_result import DROP, Profile
 from seatrial.report.figures.style import (
     BAND,
     BLUE,
-    DOTS,
     FONT,
     INK,
     MUTED,
     ORANGE,
     PAPER,
-    POINT,
     PURPLE,
     SMALL,
     draw_dots,
     label_axes,
     limit_ticks,
     power_of_ten,
+    sized_figure,
     style_axes,
     thin,
     unit_label,
+    write_lines,
 )
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def draw_pair(
     exponents = [power_of_ten(*np.quantile(values, [0.001, 0.999])) for values in (x, y)]
     x, y = x * 10.0 ** -exponents[0], y * 10.0 ** -exponents[1]
     keep = thin(x.size, 900)
-    draw_dots(axes, x[keep], y[keep], size=1.5, color=DOTS, label="draws").set_alpha(0.6)
+    draw_dots(axes, x[keep], y[keep], size=1.5, label="draws").set_alpha(0.6)
     ranges = [np.quantile(values, [0.0005, 0.9995]) + np.ptp(values) * np.array([-0.06, 0.06]) for values in (x, y)]
     counts, x_edges, y_edges = np.histogram2d(x, y, bins=48, range=ranges)
     smooth = gaussian_filter(counts, 1.6)
@@ -190,24 +190,15 @@ def profile_figure(panels: Sequence[ProfilePanel], words: Sequence[str] = ()) ->
         panels: profiles.
         words: lines printed above, plain text.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
     top = 10.0 + 14.0 * len(words)
     total = top + rows * (HEAD + ROW + BELOW)
-    figure = Figure(figsize=(PROFILE_WIDTH * POINT, total * POINT), dpi=72)
+    figure = sized_figure(PROFILE_WIDTH, total)
     figure.add_artist(Rectangle((0, 0), 1, 1, transform=figure.transFigure, facecolor=PAPER, zorder=-9))
-    for i, text in enumerate(words):
-        figure.text(
-            44 / PROFILE_WIDTH,
-            1 - (14 + 14 * i) / total,
-            text.replace("$", r"\$"),
-            fontsize=SMALL,
-            color=INK,
-            va="baseline",
-        )
+    write_lines(figure, words, 44, 14)
     width = (PROFILE_WIDTH - 44 - 12 - 22 * (columns - 1)) / columns
     for i, panel in enumerate(panels):
         left = 44 + (i % columns) * (width + 22)
@@ -251,7 +242,8 @@ def _draw(axes: "Axes", panel: ProfilePanel) -> None:
     low, high = _profile_frame(grid, curve)
     inside = grid[(curve <= DROP)]
     colour = BLUE if profile.kind == "closed" else ORANGE
-    ends = [end * scale if np.isfinite(end) else edge for end, edge in zip(_ends(profile), (low, high), strict=True)]
+    edges = zip((profile.lower, profile.upper), (low, high), strict=True)
+    ends = [end * scale if np.isfinite(end) else edge for end, edge in edges]
     axes.axvspan(*ends, color=colour, alpha=BAND, linewidth=0, label="95 % interval")
     axes.axhline(-DROP, color=MUTED, linewidth=0.9, linestyle="--", label="1.92 below")
     axes.plot(grid, -curve, color=colour, linewidth=1.6, label="profile")
@@ -266,10 +258,6 @@ def _draw(axes: "Axes", panel: ProfilePanel) -> None:
     axes.set_title(_title(profile, scale), fontsize=SMALL, color=INK, loc="left", pad=4)
     label_axes(axes, unit_label(panel.symbol, profile.unit, exponent))
     axes.xaxis.label.set_fontsize(FONT)
-
-
-def _ends(profile: Profile) -> tuple[float, float]:
-    return profile.lower, profile.upper
 
 
 def _smooth(values: np.ndarray, drop: np.ndarray, best: float) -> tuple[np.ndarray, np.ndarray]:
@@ -288,7 +276,7 @@ def _profile_frame(grid: np.ndarray, curve: np.ndarray) -> tuple[float, float]:
 
 
 def _title(profile: Profile, scale: float) -> str:
-    lower, upper = (f"{end * scale:.4g}".replace("-", "−") for end in _ends(profile))
+    lower, upper = (f"{end * scale:.4g}".replace("-", "−") for end in (profile.lower, profile.upper))
     return {
         "closed": f"{lower} to {upper}",
         "open below": f"below {upper}",

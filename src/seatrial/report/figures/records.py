@@ -7,7 +7,6 @@ import numpy as np
 
 from seatrial.report.figures.style import (
     BLUE,
-    DOTS,
     INK,
     MUTED,
     ORANGE,
@@ -26,25 +25,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def raw_record(
-    time: np.ndarray, columns: Sequence[tuple[str, np.ndarray]], measured: int, most: int = 3000
-) -> "Figure":
+MOST = 3000  # Samples worth drawing in a panel of a raw record
+
+
+def raw_record(time: np.ndarray, columns: Sequence[tuple[str, np.ndarray]], measured: int) -> "Figure":
     """Draw one panel for each column.
 
     Args:
         time: s, shape (n,).
         columns: label and values in its unit, shape (n,); measured ones first.
         measured: how many of them are measured.
-        most: samples worth drawing in a panel.
     """
     figure, axes = new_figure(WIDE, [110.0] * measured + [70.0] * (len(columns) - measured))
     for index, (panel, (label, values)) in enumerate(zip(axes, columns, strict=True)):
         if index < measured:
-            places = np.flatnonzero(np.isfinite(values))
-            places = places[thin(places.size, most)]
-            draw_dots(panel, time[places], values[places], color=DOTS, label="measured")
+            draw_dots(panel, time, values, MOST, label="measured")
         else:
-            keep = thin_steps(values, most)
+            keep = thin_steps(values, MOST)
             panel.plot(time[keep], values[keep], color=MUTED, linewidth=1.0, label="control")
         panel.margins(y=0.1)
         label_axes(panel, y=label)
@@ -53,14 +50,10 @@ def raw_record(
     return figure
 
 
-# What the records cover: motion against control, fitted and held back.
-
-
 def covered(
     fitted: Sequence[tuple[np.ndarray, np.ndarray]],
     held_back: Sequence[tuple[np.ndarray, np.ndarray]],
     labels: tuple[str, str],
-    most: int = 900,
 ) -> "Figure":
     """Draw control and motion of all records as dots; held-back runs that reach beyond the fitted ones are extrapolation.
 
@@ -68,22 +61,16 @@ def covered(
         fitted: control and motion of each fitted record, in the units of the labels, NaN if not measured.
         held_back: likewise of those held back.
         labels: of control and motion, units included.
-        most: number of dots worth drawing of each kind.
     """
     figure, (axes,) = new_figure(WIDE, [190])
     for records, colour, label in ((held_back, ORANGE, "held back"), (fitted, BLUE, "fitted")):
         if records:
             x, y = (np.concatenate(columns) for columns in zip(*records, strict=True))
-            present = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-            present = present[thin(present.size, most)]
-            draw_dots(axes, x[present], y[present], color=colour, size=2.4, label=label).set_alpha(0.55)
+            draw_dots(axes, x, y, 900, color=colour, size=2.4, label=label).set_alpha(0.55)
     axes.margins(x=0.04, y=0.06)
     axes.autoscale_view()
     label_axes(axes, *labels)
     return figure
-
-
-# The control of a designed trial over time, with the limits it keeps.
 
 
 Ends = tuple[float | None, float | None]  # Lowest and highest value allowed, where there are any

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float
 from seatrial.report.figures.style import (
     BAND,
     BLUE,
-    DOTS,
     FONT,
     HATCH,
     INK,
@@ -32,13 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-# The space of structures: one column for each of the most probable ones, as wide as it is probable; one row for each
-# term.
-
 STRUCTURE_ROW = 18.0  # Height of a term, points
-# What the choice between two structures changes: by how much the speed of the best exceeds the runner-up's in a
-# manoeuvre.
-
 # Heights of the panels of motion and of difference, and of the line above them, points.
 MOTION_ROW, GAP_ROW, HEAD = 110.0, 60.0, 22.0
 AXIS = "factor on the priors’ standard deviations"
@@ -161,48 +154,28 @@ def _draw_motions(axes: "Axes", gap: MotionGap, axis: str) -> None:
     label_axes(axes, y=axis)
 
 
-def mark_decided(axes: "Axes") -> None:
-    """Draw the lines across bars of probabilities beyond which the data have decided."""
+def probability_bars(labels: Sequence[str], probability: "ArrayLike", error: "ArrayLike") -> "Figure":
+    """Draw one bar for each term, and the lines beyond which the data have decided; see `draw_probabilities`."""
+    figure, (axes,) = new_figure(WIDE, [max(40.0, 22.0 * len(labels))], left=62, right=44)
+    draw_probabilities(axes, labels, probability, error)
     for line in (1 - DECIDED, DECIDED):
         axes.axvline(line, color=ORANGE, linewidth=1.1, linestyle=(0, (4, 3)), zorder=4)
-
-
-def probability_bars(
-    labels: Sequence[str],
-    probability: "ArrayLike",
-    error: "ArrayLike",
-    chosen: int | None = None,
-    axis_label: str = "probability",
-) -> "Figure":
-    """Draw one bar for each entry; see `draw_probabilities`."""
-    figure, (axes,) = new_figure(WIDE, [max(40.0, 22.0 * len(labels))], left=62, right=44)
-    draw_probabilities(axes, labels, probability, error, chosen, axis_label)
     return figure
 
 
-def draw_probabilities(
-    axes: "Axes",
-    labels: Sequence[str],
-    probability: "ArrayLike",
-    error: "ArrayLike",
-    chosen: int | None = None,
-    axis_label: str = "probability",
-) -> None:
-    """Draw one bar for each entry into axes, from the top down, with error bars of one standard error inside [0, 1].
+def draw_probabilities(axes: "Axes", labels: Sequence[str], probability: "ArrayLike", error: "ArrayLike") -> None:
+    """Draw one bar for each term into axes, from the top down, with error bars of one standard error inside [0, 1].
 
     Args:
         axes: where.
         labels: names; text within dollars is mathematics.
         probability: shape (k,).
         error: Monte Carlo standard errors, shape (k,).
-        chosen: the entry to single out; None for all alike.
-        axis_label: label of the probabilities.
     """
     count = len(labels)
     value, spread = np.asarray(probability, float), np.nan_to_num(np.asarray(error, float))
     place = np.arange(count)
-    colours = [BLUE if chosen in (None, index) else DOTS for index in range(count)]
-    axes.barh(place, value, height=0.62, color=colours, zorder=2)
+    axes.barh(place, value, height=0.62, color=BLUE, zorder=2)
     lower, upper = np.minimum(spread, value), np.minimum(spread, 1 - value)
     axes.errorbar(
         value,
@@ -229,7 +202,7 @@ def draw_probabilities(
     axes.set_yticks(place, labels, fontsize=FONT)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     axes.grid(False, axis="y")
-    label_axes(axes, axis_label)
+    label_axes(axes, "probability that it is needed")
 
 
 def inclusion_paths(

@@ -122,15 +122,42 @@ def label_axes(axes: "Axes", x: str = "", y: str = "") -> None:
         axes.set_ylabel(y, fontsize=FONT, color=INK, labelpad=4)
 
 
+def write_lines(figure: "Figure", lines: Sequence[str], left: float, first: float, step: float = 14.0) -> None:
+    """Write lines of plain text on a figure.
+
+    Args:
+        figure: where.
+        lines: from the top.
+        left: of them, points from the left of the figure.
+        first: foot of the first one, points from the top of the figure.
+        step: from one line to the next, points.
+    """
+    width, height = figure.get_size_inches() / POINT
+    for i, text in enumerate(lines):
+        place = left / width, 1 - (first + step * i) / height
+        figure.text(*place, text.replace("$", r"\$"), fontsize=SMALL, color=INK)
+
+
 def draw_dots(
-    axes: "Axes", x: np.ndarray, y: np.ndarray, *, color: str = DOTS, size: float = 1.7, label: str = ""
+    axes: "Axes",
+    x: np.ndarray,
+    y: np.ndarray,
+    most: int | None = None,
+    *,
+    color: str = DOTS,
+    size: float = 1.7,
+    label: str = "",
 ) -> "PathPatch":
-    """Draw many dots as one path of very short round-capped strokes: a twentieth of the bytes of as many markers."""
+    """Draw many dots, those without numbers left out, `most` of them at most.
+
+    They are one path of very short round-capped strokes: a twentieth of the bytes of as many markers.
+    """
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
-    keep = np.isfinite(x) & np.isfinite(y)
-    x, y = x[keep], y[keep]
+    present = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    present = present if most is None else present[thin(present.size, most)]
+    x, y = x[present], y[present]
     nudge = 1e-4 * (np.ptp(x) or 1.0) if x.size else 0.0
     vertices = np.stack([np.stack([x, y], -1), np.stack([x + nudge, y], -1)], 1).reshape(-1, 2)
     path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], x.size)) if x.size else Path(np.zeros((0, 2)))

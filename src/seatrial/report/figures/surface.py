@@ -23,6 +23,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS, LEVELS = "viridis", 12
+STAR = {
+    "marker": "*",
+    "markersize": 15,
+    "color": "#ffffff",
+    "markeredgecolor": "#000000",
+    "linestyle": "none",
+    "clip_on": False,
+    "zorder": 5,
+    "label": "best design",
+}
 
 
 def design_surface(
@@ -77,19 +87,7 @@ def draw_surface(
     at_amplitude, at_period = np.meshgrid(amplitude, period, indexing="ij")
     tried = np.isfinite(gain)
     draw_dots(axes, at_period[tried], at_amplitude[tried], color=PAPER, size=1.3).set(alpha=0.45, zorder=2)
-    axes.plot(
-        period[best[1]],
-        amplitude[best[0]],
-        marker="*",
-        markersize=15,
-        color="#ffffff",
-        markeredgecolor="#000000",
-        markeredgewidth=0.9,
-        linestyle="none",
-        clip_on=False,
-        zorder=5,
-        label="best design",
-    )
+    axes.plot(period[best[1]], amplitude[best[0]], markeredgewidth=0.9, **STAR)
     axes.set(xlim=(period[0], period[-1]), ylim=(amplitude[0], amplitude[-1]))
     for spine in axes.spines.values():
         spine.set_visible(True)
@@ -141,17 +139,6 @@ def _line(
     over_period = gain.shape[0] == 1
     x = period if over_period else amplitude
     axes.plot(x, gain.ravel(), color=BLUE, linewidth=1.6, marker="o", markersize=3)
-    axes.plot(
-        x[best[1] if over_period else best[0]],
-        gain[best],
-        marker="*",
-        markersize=15,
-        color="#ffffff",
-        markeredgecolor="#000000",
-        linestyle="none",
-        clip_on=False,
-        zorder=5,
-        label="best design",
-    )
+    axes.plot(x[best[1] if over_period else best[0]], gain[best], **STAR)
     axes.margins(x=0.03)
     label_axes(axes, labels[0] if over_period else labels[1], "entropy reduction [nat]")
