@@ -257,6 +257,7 @@ def test_an_autopilot_that_is_too_weak_is_refused_in_words_to_act_on(tmp_path):
 
 def test_an_autopilot_that_no_change_of_one_gain_mends_is_at_fault_and_not_the_priors():
     assert _advice(None, 1.0).startswith("the autopilot is unstable for all values of the priors")
+    assert _advice(None, 1.0).endswith("no single gain, if reversed, halved or doubled, helps")
     assert "narrow the priors" not in _advice(GainChange("psi", ("kp",), 2.0, 0.95), 1.0)
     assert "narrow the priors" in _advice(None, 0.3)
     turned = _advice(GainChange("psi", ("kp", "kd"), -1.0, 0.02), 1.0)

@@ -216,7 +216,7 @@ def _advice(change: GainChange | None, share: float) -> str:
         if share > NEARLY_ALL:
             return (
                 "the autopilot is unstable for all values of the priors. Check the signs of its gains and controls, and tune it on calm "
-                "water first; {helps}"
+                f"water first; {helps}"
             )
         return f"{helps}: narrow the priors, or tune the autopilot on calm water first"
     verb = "turn the sign of" if change.factor < 0 else "halve" if change.factor < 1 else "double"
