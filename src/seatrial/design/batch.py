@@ -15,12 +15,11 @@ from pydantic import Field
 
 from seatrial.core.reporter import Reporter
 from seatrial.design.design_problem import DesignProblem, check_whole_trials
+from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.robust import information_table
 from seatrial.design.trial_design import Beside
 from seatrial.manoeuvres.manoeuvre import Manoeuvre
 
-Utility = Callable[[np.ndarray], np.ndarray]
-"""Utilities, shape (..., S), of information matrices, shape (..., S, k, k)."""
 EXCHANGE_ROUNDS = 20  # Exchanges of every trial, at most
 DESIGNS_AT_ONCE = 64  # Designs whose information is computed between two reports of progress
 
@@ -40,7 +39,7 @@ class Batch:
     repeated: float
 
 
-def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, trials: int) -> Batch:
+def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Criterion, trials: int) -> Batch:
     """Choose so many trials of D designs, weighed over S draws of the coefficients.
 
     Args:
@@ -71,7 +70,7 @@ def plan_batch(information: Float[np.ndarray, "D S k k"], utility: Utility, tria
 
 
 def _in_order(
-    information: np.ndarray, worth: Callable, nothing: np.ndarray, chosen: list[int], utility: Utility
+    information: np.ndarray, worth: Callable, nothing: np.ndarray, chosen: list[int], utility: Criterion
 ) -> tuple[tuple[int, ...], tuple[float, ...]]:
     """Return the trials chosen, each the best beside those before it, so that fewer may be run."""
     left, order, reached, base = list(chosen), [], [], nothing
@@ -129,7 +128,7 @@ class BatchSearch:
             done += len(controls)
         report(total, total)
         criterion = problem.criterion(problem.draws)
-        batch = plan_batch(np.concatenate(information), lambda one: np.asarray(criterion(one)), self.trials)
+        batch = plan_batch(np.concatenate(information), criterion, self.trials)
         chosen = [places[index] for index in batch.designs]
         words = tuple(sweep.words(i, j) for sweep, i, j in chosen)
         manoeuvres = (

@@ -28,7 +28,7 @@ from seatrial.filters.belief import Filter
 from seatrial.filters.run import summarise_filter
 from seatrial.filters.square_root import unscented_filter
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
-from seatrial.manoeuvres.relay import RelayFamily, RelayRun, oscillation, replay, run_relay
+from seatrial.manoeuvres.relay import RelayFamily, oscillation, replay, run_relay
 from seatrial.numerics.state_space import StateSpace
 
 
@@ -208,11 +208,13 @@ class RelayLoop:
         starts = np.hstack([np.tile(self.space.initial.mean[:d], (len(draws), 1)), draws / self.scales])
         at = self.space.outputs.index(self.family.output)
 
-        def run(start: Array, error: Array) -> tuple[Array, Array]:
-            runs = _closed(self.family, self.space, amplitude, threshold, start, error)
-            return runs.control, runs.outputs[..., at]
+        design = np.asarray(amplitude, float), np.asarray(threshold, float)
 
-        return in_blocks(run, starts, noise)
+        def run(start: Array, error: Array) -> tuple[Array, Array]:
+            made = run_relay(self.space, self.family, *design, start, error)
+            return made.control, made.outputs[..., at]
+
+        return in_blocks(jax.vmap(run), starts, noise)
 
     def foreseen(self, amplitude: float, threshold: float) -> tuple[Manoeuvre, Float[np.ndarray, " n"]]:
         """One design at the mean of the belief with a perfect sensor, and its output, SI."""
@@ -352,13 +354,6 @@ def _outputs(problem: DesignProblem, plan: TrialPlan, share: float = 1.0) -> Flo
     control = np.tile([value for _, value in trim], (plan.step.shape[0], 1))
     control[:, [name for name, _ in trim].index(problem.family.control)] += share * problem.amplitudes[0]
     return np.asarray(plan.outputs(np.asarray(problem.normal.mean), control))
-
-
-def _closed(
-    family: RelayFamily, space: StateSpace, amplitude: float, threshold: float, starts: Array, errors: Array
-) -> RelayRun:
-    settings = np.asarray(amplitude, float), np.asarray(threshold, float)
-    return jax.vmap(lambda start, error: run_relay(space, family, *settings, start, error))(starts, errors)
 
 
 def _sure_best(

@@ -6,7 +6,6 @@ still to come no longer repays its cost at that rate (Charnov, Theor. Popul. Bio
 trial that is often at once.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -17,12 +16,11 @@ from jaxtyping import Array, Float, Int
 
 from seatrial.compiled.programs import program
 from seatrial.core.errors import NumericalError
+from seatrial.design.fisher_utilities import Criterion
 from seatrial.design.safety import check_runs
 from seatrial.design.sweep import at_every_draw
 from seatrial.design.trial_plan import TrialPlan
 
-Utility = Callable[[Float[np.ndarray, "E k k"]], Float[np.ndarray, " E"]]
-"""Number of an information matrix, SI; higher is better."""
 END_COUNT = 30  # Ends of a trial that are weighed for each of many designs
 
 
@@ -61,7 +59,7 @@ def best_stops(
     plan: TrialPlan,
     controls: Float[np.ndarray, "D n c"],
     draws: Float[np.ndarray, "S k"],
-    utility: Utility,
+    utility: Criterion,
     overhead: float,
     ends: int = END_COUNT,
 ) -> BestStops:

@@ -29,7 +29,7 @@ SAMPLERS = {
 def method_section(outcome: Outcome) -> dict[str, Any]:
     """What `method.html` prints."""
     campaign = outcome.campaign
-    estimation, selection = campaign.estimation, campaign.selection
+    estimation = campaign.estimation
     measured = outcome.filter["n_measured"].values
     ratio = float(outcome.filter["nis"].values[measured > 0].sum() / max(measured.sum(), 1))
     return {
@@ -39,15 +39,8 @@ def method_section(outcome: Outcome) -> dict[str, Any]:
         "health": [_health(outcome, index) for index in range(len(outcome.estimates))],
         "likelihood": LIKELIHOODS[estimation.likelihood],
         "sampler": SAMPLERS[estimation.sampler],
-        "chains": estimation.chains,
-        "warmup": estimation.warmup,
-        "draws": estimation.draws,
-        "most_draws": estimation.lengths[-1],
-        "residuals": estimation.residuals,
-        "initial": estimation.initial,
-        "particles": selection.particles,
-        "repeats": selection.repeats,
-        "importance_draws": selection.draws,
+        "estimation": estimation,
+        "selection": campaign.selection,
         "filter": outcome.filter.attrs["filter"],
         "failures": int(outcome.filter.attrs["failures"]),
         "nis": short(ratio),
@@ -109,7 +102,7 @@ def _provenance(record: Any) -> dict[str, Any]:
 def _files(outcome: Outcome) -> list[tuple[str, str]]:
     """Return the files that exist, relative to the campaign's folder, and what they hold."""
     store = Store(outcome.campaign.folder)
-    folder = outcome.campaign.folder
+    folder, labels = outcome.campaign.folder, [estimate.structure.label for estimate in outcome.estimates]
     # Trials may be pieces of a record.
     trials = (*outcome.trials.fit, *outcome.trials.predict)
     cut = [
@@ -120,17 +113,8 @@ def _files(outcome: Outcome) -> list[tuple[str, str]]:
         *((store.record(run), f"record {run}") for run in list(dict.fromkeys(cut))),
         (store.design, "compared designs of the trial"),
         (store.schedule(store.design), "control of the trial over time, its unit in the header"),
-        *(
-            (store.posterior(estimate.structure.label), f"draws of {estimate.structure.label}")
-            for estimate in outcome.estimates
-        ),
-        *(
-            (
-                store.known(estimate.structure.label),
-                f"standard deviations and known combinations of {estimate.structure.label}",
-            )
-            for estimate in outcome.estimates
-        ),
+        *((store.posterior(label), f"draws of {label}") for label in labels),
+        *((store.known(label), f"standard deviations and known combinations of {label}") for label in labels),
         (store.selection, "evidences, probabilities and verdicts"),
         (store.filter, "filter traces"),
         (store.predictions, "fitted and predicted records"),
