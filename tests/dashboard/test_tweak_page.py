@@ -99,6 +99,7 @@ def test_sliders_move_by_keyboard_and_a_start_is_written_only_when_asked(tmp_pat
         page.get_by_text(re.compile(r"moved, 0\.[34] standard deviations above")).wait_for()
         assert slider.get_attribute("aria-valuetext") == f"{float(field.input_value()):.12g} kg/m"
         page.locator("[role=status]", has_text="of the posterior is farther").wait_for(state="attached")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         assert thrust.input_value() == thrust_first
         page.get_by_role("checkbox", name="The others follow").click()
         page.get_by_text("follows,").first.wait_for()

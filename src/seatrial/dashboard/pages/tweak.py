@@ -105,7 +105,7 @@ class TweakPage:
                 self.sliders.on(event, self._move, js_handler=_MOVED, throttle=THROTTLE)
         with section("Record"):
             self.chart, self.numbers = ui.element("div"), markup("")
-            self.summary = markup("").props('role="status"').classes("unseen")  # As the tables
+            self.summary = markup("").props('role="status"').classes("unseen", remove="plain")  # As the tables
         with section("Start estimation here", START):
             with ui.element("div").classes("line"):
                 button("Show the lines", self._show_lines)
