@@ -320,9 +320,11 @@ class InMemory(Study):
 def make_items(keys: Sequence[str] = tuple(ENTRIES)) -> list[Item]:
     """One made-up item for each key, all verdicts among them."""
     numbers = (Number("rms error of X_u [m/s^2]", -1.21, -1.1243, 0.0026), Number("share", None, 0.25))
-    reasons = [f"reason {i}; more of X_uabsu" if i % 4 else "" for i in range(len(keys))]
+    kinds = len(VERDICTS)
+    reasons = [f"reason {i}; more of X_uabsu" if i % kinds else "" for i in range(len(keys))]
     return [
-        Item(key, f"Title of {key}", VERDICTS[i % 4], reasons[i], numbers, {"seed": i}) for i, key in enumerate(keys)
+        Item(key, f"Title of {key}", VERDICTS[i % kinds], reasons[i], numbers, {"seed": i})
+        for i, key in enumerate(keys)
     ]
 
 
