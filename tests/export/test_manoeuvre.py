@@ -17,7 +17,6 @@ from seatrial.export.manoeuvre import (
     simulate,
 )
 from seatrial.export.motion import motion_of
-from seatrial.export.rigid_body import Drive
 from seatrial.export.target import MotionChange
 from seatrial.export.write import _change_words, loss_words
 from seatrial.vehicles.actuators import Actuator
@@ -216,9 +215,3 @@ def test_changes_in_words():
     few = [MotionChange("u", "m/s", 1e-12, 2.0), MotionChange("v", "m/s", 0.1, 2.0)]
     assert loss_words(few) == "v by 0.1 m/s (5% of its range)"
     assert loss_words(few[:1]) == "none"
-
-
-def test_thrust_of_a_drive_by_its_speed_or_as_commanded():
-    square = Drive("n", np.zeros(3), np.eye(3)[0], 0.5, 0.9, -np.inf, np.inf)
-    assert (square.thrust(3.0), square.thrust(-3.0)) == (4.5, -4.5)
-    assert square._replace(factor=None).thrust(-3.0) == pytest.approx(-2.7)

@@ -109,18 +109,18 @@ def test_fins_lift_across_the_flow_where_they_are():
 
 
 def test_thrust_of_a_drive_is_net_of_the_deduction():
-    """By the square of the speed either way; limits are those of its actuator."""
+    """By the square of the speed, or as a share of a commanded force; limits are those of its actuator."""
     vehicle = rich()
     (drive,), others = drives_of(vehicle)
     net = (1 - vehicle.hull.thrust_deduction) * vehicle.coefficients["T_nabsn"]
-    assert (drive.thrust(100.0), drive.thrust(-100.0)) == pytest.approx((1e4 * net, -1e4 * net))
+    assert drive.factor == pytest.approx(net)
     assert (drive.control, drive.lower, drive.upper, others) == ("n", 0.0, 157.0, ())
     free = drives_of(replace(vehicle, actuators={}))[0][0]
     assert (free.lower, free.upper) == (-np.inf, np.inf)
     without, terms = drives_of(with_terms(replace(vehicle, coefficients={}), T_absnu=0.1))
     assert (without, terms) == ((), ("T_absnu",))
     drives, terms = drives_of(commanded())
-    assert (drives[2].control, drives[2].thrust(10.0)) == ("f_3", pytest.approx(8.5))
+    assert (drives[2].control, drives[2].factor, drives[2].share) == ("f_3", None, pytest.approx(0.85))
     assert terms == ("T_absf", "T_uabsf", "T_fdV")
 
 

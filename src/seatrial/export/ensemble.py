@@ -75,21 +75,6 @@ class Ellipsoid(NamedTuple):
         return np.sum(away / scale * solved, -1) <= self.squared_radius
 
 
-def check_estimated(vehicle: ExportedVehicle, target: str) -> None:
-    """Refuse a vehicle of which nothing was estimated.
-
-    Raises:
-        InputError: it has no covariance.
-    """
-    if not vehicle.estimated.names:
-        raise InputError(
-            f'vehicle "{vehicle.name}", export to {target}',
-            found="values without a covariance, so that there is nothing to draw from",
-            expected="coefficients that were estimated",
-            remedy="export a finished campaign, or give the `draws` of a posterior to `seatrial.export_vehicle`",
-        )
-
-
 @lru_cache(maxsize=4)
 def ensemble_of(vehicle: ExportedVehicle, count: int = DRAWS, seed: int = 0) -> Ensemble:
     """Return draws of a vehicle's estimated coefficients; the same arguments give the same draws.
@@ -147,10 +132,10 @@ def widths_of(estimated: CoefficientEstimates) -> tuple[Width, ...]:
     )
 
 
-def ellipsoid_of(estimated: CoefficientEstimates, probability: float = SET_PROBABILITY) -> Ellipsoid:
-    """Return the set that holds a share of a normal posterior of this mean and covariance."""
-    squared = 2.0 * float(gammaincinv(estimated.mean.size / 2, probability))  # the quantile of chi-square
-    return Ellipsoid(estimated.names, estimated.mean, estimated.covariance, squared, probability)
+def ellipsoid_of(estimated: CoefficientEstimates) -> Ellipsoid:
+    """Return the set that holds `SET_PROBABILITY` of a normal posterior of this mean and covariance."""
+    squared = 2.0 * float(gammaincinv(estimated.mean.size / 2, SET_PROBABILITY))  # the quantile of chi-square
+    return Ellipsoid(estimated.names, estimated.mean, estimated.covariance, squared, SET_PROBABILITY)
 
 
 def ensemble_lines(vehicle: ExportedVehicle, ensemble: Ensemble) -> tuple[str, ...]:

@@ -32,6 +32,8 @@ STILL: Current = (0.0, 0.0, 0.0)
 DURATION, STEP = 40.0, 0.05
 DEFAULT_SPEED = 1.5  # Speed ahead, m/s, where the vehicle has no trim speed of its own
 _DOUBLET, _RUDDER, _PLANE = 0.2, np.radians(4.0), np.radians(2.0)
+# What a positive rudder and a positive stern plane do by the usual convention: turn to starboard, put the nose down.
+USUAL_FINS = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
 _PUSH, _TURN, _DIVE = 10.0, 2.0, 5.0  # Forces of an open frame, N and N m
 _ABSURD = 1e3
 _DIFFERENCE_STEP = 1e-5  # Step of a difference quotient, SI

@@ -68,10 +68,6 @@ class Drive(NamedTuple):
     lower: float
     upper: float
 
-    def thrust(self, control: float) -> float:
-        """Return net thrust, N."""
-        return self.share * control if self.factor is None else self.factor * control * abs(control)
-
 
 class Fin(NamedTuple):
     """A fin that lifts across the hull.

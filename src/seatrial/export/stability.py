@@ -91,9 +91,7 @@ def check_explicit_added_mass(vehicle: ExportedVehicle, target: str, limit: floa
     )
 
 
-def dissipation_findings(
-    values: Mapping[str, float], speeds: Mapping[str, float] = _RANGE, samples: int = _SAMPLES, seed: int = 0
-) -> list[str]:
+def dissipation_findings(values: Mapping[str, float], speeds: Mapping[str, float] = _RANGE) -> list[str]:
     """Return the motions in which damping gives power, nu . F > 0, among random ones.
 
     Damping is every term of velocities alone with a modulus, an odd power or one factor: X_uabsu, Y_v, N_r3. Products of two
@@ -102,10 +100,8 @@ def dissipation_findings(
     Args:
         values: coefficients, SI.
         speeds: range of each velocity, from minus to plus; of those not named it is 0.
-        samples: number of motions.
-        seed: of the samples.
     """
-    motions, each = _power_by_coefficient(tuple(values), tuple(speeds.items()), samples, seed)
+    motions, each = _power_by_coefficient(tuple(values), tuple(speeds.items()))
     coefficients = np.array([*values.values()], float)
     power, share = coefficients @ each, np.abs(coefficients) @ np.abs(each)
     worst = int(np.argmax(power - 1e-9 * share))
@@ -117,12 +113,12 @@ def dissipation_findings(
 
 @lru_cache(maxsize=64)
 def _power_by_coefficient(
-    names: tuple[str, ...], speeds: tuple[tuple[str, float], ...], samples: int, seed: int
+    names: tuple[str, ...], speeds: tuple[tuple[str, float], ...]
 ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "k n"]]:
     """Return random motions, and the power in each of a unit of each coefficient, SI; 0 of one that is no damping."""
     ranges = [dict(speeds).get(rate, 0.0) for rate in RATES]
-    motions = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, 6)) * ranges
-    signals, power = dict(zip(RATES, motions.T, strict=True)), np.zeros((len(names), samples))
+    motions = np.random.default_rng(0).uniform(-1.0, 1.0, (_SAMPLES, 6)) * ranges
+    signals, power = dict(zip(RATES, motions.T, strict=True)), np.zeros((len(names), _SAMPLES))
     for i, name in enumerate(map(CoefficientName.parse, names)):
         if _is_damping(name):
             power[i] = signals[RATES[AXES.index(name.axis)]] * name.regressor(signals, {})

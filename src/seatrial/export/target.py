@@ -8,11 +8,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
+from seatrial.core.signals import RATES
 from seatrial.export.motion import Motion, motion_of
 from seatrial.export.stability import check_stable
-from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance
+from seatrial.export.vehicle import CoefficientEstimates, ExportedVehicle, ExportProvenance, require_known
 from seatrial.vehicles.actuators import Actuator
 
 
@@ -78,20 +79,24 @@ class Exporter(ABC):
         name: after `--to`.
         target: the target and the version its format was read from.
         takes_unknown_mass: whether its numbers do not need the mass.
+        simulates: velocities whose motion, mass and inertia have to be known: `all`, those in which the vehicle `moves`, or `nothing`.
         sometimes: names of files that it has of some vehicles only; where an earlier export into the same folder left one, it is removed.
     """
 
     name: str = ""
     target: str = ""
     takes_unknown_mass: ClassVar[bool] = False
+    simulates: ClassVar[Literal["all", "moves", "nothing"]] = "nothing"
     sometimes: ClassVar[tuple[str, ...]] = ()
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """Refuse a vehicle that the target cannot hold or would make unstable.
 
         Raises:
-            InputError: names the coefficient, its value and the remedy.
+            InputError: names the coefficient or what is not known, its value and the remedy.
         """
+        if self.simulates != "nothing":
+            require_known(vehicle, self.name, RATES if self.simulates == "all" else vehicle.moves)
         check_stable(vehicle, self.name)
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:

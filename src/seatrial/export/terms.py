@@ -10,8 +10,6 @@ What targets have in common to keep or to lose: a vehicle without some terms, an
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from seatrial.core.coefficients import CoefficientName
 from seatrial.core.display_units import shown_unit
 from seatrial.core.signals import RATES
@@ -135,12 +133,6 @@ def thrust_law_losses(vehicle: ExportedVehicle) -> tuple[str, ...]:
         for name, value in vehicle.thrust_law.items()
         if not name.startswith("gain_")
     )
-
-
-def is_asymmetric(vehicle: ExportedVehicle) -> bool:
-    """Return whether the added mass differs from its transpose."""
-    matrix = vehicle.added_mass
-    return bool(np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max())
 
 
 def _parts(name: CoefficientName) -> tuple[list[int] | None, list[int], list[str]]:

@@ -276,7 +276,7 @@ def of_published(name: str, published: PublishedVehicle) -> ExportedVehicle:
     )
 
 
-def require_known(vehicle: ExportedVehicle, target: str, moves: tuple[str, ...] = RATES) -> None:
+def require_known(vehicle: ExportedVehicle, target: str, moves: tuple[str, ...]) -> None:
     """Refuse a vehicle of which a target would have to invent a part.
 
     Args:

@@ -31,9 +31,6 @@ from seatrial.export.vehicle import ExportedVehicle, ExportProvenance, of_publis
 from seatrial.messages.structures import QUOTED
 from seatrial.vehicles.catalogue import load_vehicle, vehicle_names
 
-# What an export says of itself, in its header and on the terminal: where it comes from, how well it is known, what is
-# lost.
-
 _SLOW_GROWTH = 0.05  # Growth, 1/s, below which nothing grows much in the manoeuvre
 _ROUNDING_SHARE = 1e-9  # Share of a velocity's range, or m/s and rad/s, below which a difference is rounding
 GROUP = "seatrial.exporters"  # Entry points by which other packages add exporters

@@ -18,9 +18,9 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
-def pose(place: Iterable[float], angles: Iterable[float] = (0.0, 0.0, 0.0)) -> str:
-    """Return the position and roll, pitch, yaw."""
-    return numbers([*place, *angles])
+def pose(place: Iterable[float]) -> str:
+    """Return the position, and a roll, pitch and yaw of zero."""
+    return numbers([*place, 0.0, 0.0, 0.0])
 
 
 def comment(lines: Iterable[str]) -> str:
@@ -34,11 +34,6 @@ def comment(lines: Iterable[str]) -> str:
 def text(value: str) -> str:
     """Return text or an attribute's value, escaped."""
     return escape(value, {'"': "&quot;"})
-
-
-def matrix(values: np.ndarray) -> str:
-    """Return a matrix row by row."""
-    return numbers(np.asarray(values, float).ravel())
 
 
 def inertia_elements(inertia: np.ndarray) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from seatrial.export.equations import listed_numbers, python_module
 from seatrial.export.target import Exporter, Statement
-from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle, require_known
+from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle
 from seatrial.export.xml_text import identifier
 
 
@@ -19,11 +19,7 @@ class CasadiModule(Exporter):
 
     name: str = "casadi"
     target: str = "CasADi 3.6 to 3.8, a Python module"
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        require_known(vehicle, self.name, vehicle.moves)
-        super().check(vehicle)
+    simulates = "moves"
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""

@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from seatrial.export.ensemble import DRAWS, check_estimated, ellipsoid_of, ensemble_lines, ensemble_of, widths_of
+from seatrial.core.errors import InputError
+from seatrial.export.ensemble import DRAWS, ellipsoid_of, ensemble_lines, ensemble_of, widths_of
 from seatrial.export.target import Exporter, Statement
 from seatrial.export.vehicle import UNCERTAINTY, ExportedVehicle, ExportProvenance
 
@@ -26,7 +27,13 @@ class DrawsTable(Exporter):
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
         super().check(vehicle)
-        check_estimated(vehicle, self.name)
+        if not vehicle.estimated.names:
+            raise InputError(
+                f'vehicle "{vehicle.name}", export to {self.name}',
+                found="values without a covariance, so that there is nothing to draw from",
+                expected="coefficients that were estimated",
+                remedy="export a finished campaign, or give the `draws` of a posterior to `seatrial.export_vehicle`",
+            )
 
     def notes(self, vehicle: ExportedVehicle, provenance: ExportProvenance) -> tuple[str, ...]:
         """Return how the draws came about, and how far to randomise."""

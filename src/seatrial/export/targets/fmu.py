@@ -20,7 +20,7 @@ from seatrial.core.files import write_text
 from seatrial.core.signals import CURRENT_COMPONENTS, signal_unit
 from seatrial.export.equations import docstring_line, parameters_of, python_module, states_of
 from seatrial.export.target import Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import identifier
 
 STEP = 0.01  # Longest step of the integration inside the unit, s, unless its parameter `step` says otherwise
@@ -33,10 +33,10 @@ class CoSimulationUnit(Exporter):
 
     name: str = "fmu"
     target: str = "FMI 2.0 co-simulation (pythonfmu 0.7)"
+    simulates = "moves"
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        require_known(vehicle, self.name, vehicle.moves)
         super().check(vehicle)
         with _packing():
             import pythonfmu  # noqa: F401  # pyright: ignore[reportMissingImports]  (refused before anything is computed)

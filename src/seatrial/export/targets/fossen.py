@@ -10,15 +10,13 @@ from math import pi
 
 from seatrial.core.signals import signal_unit
 from seatrial.export.equations import docstring_line, listed_numbers, python_module
-from seatrial.export.manoeuvre import contrary_to
+from seatrial.export.manoeuvre import USUAL_FINS, contrary_to
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import identifier
 
 _TORPEDO = ("delta_r", "delta_s", "n")  # The simulator's own controls, in its order
-# Its autopilots take a positive rudder to turn to starboard, and a positive stern plane to put the nose down.
-_CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
 
 
 @dataclass(frozen=True)
@@ -27,15 +25,11 @@ class Fossen(Exporter):
 
     name: str = "fossen"
     target: str = "Python Vehicle Simulator (commit c717e07, May 2025)"
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        require_known(vehicle, self.name)
-        super().check(vehicle)
+    simulates = "all"
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything, since its code is written out."""
-        return Carried(motion_of(vehicle), actuators=vehicle.actuators, reversed=contrary_to(vehicle, _CONVENTION))
+        return Carried(motion_of(vehicle), actuators=vehicle.actuators, reversed=contrary_to(vehicle, USUAL_FINS))
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
         """See `Exporter`."""
@@ -64,7 +58,7 @@ def controls_of(vehicle: ExportedVehicle) -> tuple[str, ...]:
 
 def scales_of(vehicle: ExportedVehicle) -> dict[str, float]:
     """Factor from the simulator's command to ours, SI, by control in the simulator's order; negative where its convention is contrary."""
-    contrary = contrary_to(vehicle, _CONVENTION)
+    contrary = contrary_to(vehicle, USUAL_FINS)
     return {
         control: pi / 30 if control == "n" else -1.0 if control in contrary else 1.0 for control in controls_of(vehicle)
     }
@@ -73,7 +67,7 @@ def scales_of(vehicle: ExportedVehicle) -> dict[str, float]:
 def _notes(vehicle: ExportedVehicle, scales: dict[str, float]) -> list[str]:
     order = ", ".join(f"{control} ({_label(control).split('(')[1]}" for control in scales)
     lines = [f"u_control and u_actual: {order}. u_actual, what lagging actuators do, begins at 0."]
-    if set(scales) & set(_CONVENTION):
+    if set(scales) & set(USUAL_FINS):
         lines.append(
             "The simulator's autopilot has a positive rudder turn to starboard, a positive stern plane put the nose down."
         )

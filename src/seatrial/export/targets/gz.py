@@ -40,14 +40,13 @@ from seatrial.export.terms import (
     actuator_losses,
     all_products,
     automatic_products,
-    is_asymmetric,
     sorted_terms,
     term_losses,
     thrust_law_losses,
     with_gains,
     without,
 )
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import XML_HEAD, comment, identifier, inertia_elements, number, numbers, pose, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES
@@ -72,6 +71,7 @@ class Gz(Exporter):
     target: str = "Gazebo (gz-sim 8 and later, SDFormat 1.11)"
     engine: str = "dart"
     density: float = DENSITY
+    simulates = "all"
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
@@ -82,9 +82,9 @@ class Gz(Exporter):
                 expected=" or ".join(ENGINES),
                 remedy="dart is Gazebo's default",
             )
-        require_known(vehicle, self.name)
         super().check(vehicle)
-        if is_asymmetric(vehicle):
+        added = vehicle.added_mass
+        if np.abs(added - added.T).max() > 1e-6 * np.abs(added).max():
             raise InputError(
                 f'vehicle "{vehicle.name}", added mass',
                 found="a matrix that differs from its transpose",

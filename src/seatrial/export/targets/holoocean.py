@@ -4,7 +4,7 @@ The torpedo is a spheroid: mass, length and diameter give inertia, Lamb's added 
 give linear damping, one drag coefficient the drag ahead. Munk moments are left out, and the vehicle is neutrally buoyant. Its four fins
 stand at the end of the spheroid, whatever `x_fin` says, and have one size, lag and limit.
 Source: HoloOcean 2, "Fossen-based dynamics" and `fossen_dynamics/{torpedo,actuator,helper_functions}.py`; T. I. Fossen, Handbook of
-Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7.
+Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7, eqs. (8.65) to (8.70).
 """
 
 import json
@@ -18,21 +18,15 @@ from jaxtyping import Float
 from scipy.optimize import brentq
 
 from seatrial.core.errors import InputError
-from seatrial.export.manoeuvre import DEFAULT_SPEED, contrary_to
+from seatrial.export.manoeuvre import DEFAULT_SPEED, USUAL_FINS, contrary_to
 from seatrial.export.motion import Motion, coriolis_force, restoring_force
 from seatrial.export.rigid_body import DENSITY, drives_of
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.terms import actuator_losses, added_mass_losses, sorted_terms, term_losses
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.terms import FINS, actuator_losses, added_mass_losses, sorted_terms, term_losses
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import GRAVITY, Hull, rigid_mass_matrix
 from seatrial.vehicles.remus100_fossen import CROSS_FLOW, STRIPS
-
-# HoloOcean's torpedo in numbers: a spheroid with time constants, lift, cross-flow, four fins at its end and a
-# propeller.
-#
-# T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., 2021, sections 8.4.2 and 9.7, eqs.
-# (8.65) to (8.70), as HoloOcean 2 has it in `fossen_dynamics/{torpedo,actuator,helper_functions}.py`.
 
 _AREA = 0.7  # Of the wing that lifts as the hull does, by length times diameter
 _EFFICIENCY = 0.7  # Of this wing
@@ -173,9 +167,6 @@ _RATE = 0.2
 _EQUAL_POWER = 8 / (3 * pi)
 _DEFAULTS = {"T_n": 1.0, "nMax": 1525.0, "T_delta": 0.1, "deltaMax_fin_deg": 15.0}  # HoloOcean's own actuators
 _UNITS = {"T_n": "s", "nMax": "rpm", "T_delta": "s", "deltaMax_fin_deg": "deg"}
-_FINS = ("delta_r", "delta_s")
-# Its autopilot has a positive rudder turn to starboard and a positive stern plane put the nose down.
-_CONVENTION = {"delta_r": {"r": 1}, "delta_s": {"q": -1}}
 
 
 @dataclass(frozen=True)
@@ -185,10 +176,10 @@ class HoloOcean(Exporter):
     name: str = "holoocean"
     target: str = "HoloOcean 2 (Fossen torpedo, control_scheme 1)"
     density: float = DENSITY
+    simulates = "all"
 
     def check(self, vehicle: ExportedVehicle) -> None:
         """See `Exporter`."""
-        require_known(vehicle, self.name)
         super().check(vehicle)
         surge = vehicle.added_mass[0, 0] / vehicle.rigid_mass[0, 0]
         low = vehicle.hull.centre_of_gravity[2] - vehicle.hull.centre_of_buoyancy[2]
@@ -251,7 +242,7 @@ class HoloOcean(Exporter):
             tuple(lost),
             tuple(changed),
             actuators,
-            reversed=contrary_to(vehicle, _CONVENTION),
+            reversed=contrary_to(vehicle, USUAL_FINS),
         )
 
     def write(self, vehicle: ExportedVehicle, statement: Statement) -> dict[str, str]:
@@ -302,7 +293,7 @@ def torpedo_of(vehicle: ExportedVehicle, density: float) -> Torpedo:
     sway = -terms.linear.get((1, 1), 0.0)
     drives, _ = drives_of(vehicle)
     moments = [abs(terms.fin[key]) for key in ((5, "delta_r"), (4, "delta_s")) if key in terms.fin]
-    contrary = contrary_to(vehicle, _CONVENTION)
+    contrary = contrary_to(vehicle, USUAL_FINS)
     return Torpedo(
         density,
         mass,
@@ -371,7 +362,7 @@ def actuator_table(torpedo: Torpedo, vehicle: ExportedVehicle) -> dict[str, Any]
 
 def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
     """Return lags, s, and limits, rpm and degrees, as far as they are known: one for all fins, the longest and the narrowest."""
-    fins = [vehicle.actuators[name] for name in _FINS if name in vehicle.actuators]
+    fins = [vehicle.actuators[name] for name in FINS if name in vehicle.actuators]
     propeller = [vehicle.actuators["n"]] if "n" in vehicle.actuators else []
     results = {
         "T_n": max((one.time_constant for one in propeller), default=0.0),
@@ -384,9 +375,9 @@ def actuator_limits(vehicle: ExportedVehicle) -> dict[str, float]:
 
 def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
     """Return where one limit either way, and one for all fins, is not the vehicle's."""
-    known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *_FINS)}
+    known = {name: one for name, one in vehicle.actuators.items() if name in ("n", *FINS)}
     uneven = [name for name, one in known.items() if isfinite(one.upper - one.lower) and one.lower != -one.upper]
-    fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in _FINS}
+    fins = {(one.time_constant, one.lower, one.upper) for name, one in known.items() if name in FINS}
     results = [f"limits of {name} alike either way" for name in uneven]
     return results + (["one lag and limit for all fins, the longest and the narrowest"] if len(fins) > 1 else [])
 
@@ -394,5 +385,5 @@ def _limit_changes(vehicle: ExportedVehicle) -> list[str]:
 def _actuators(vehicle: ExportedVehicle, limits: dict[str, float]) -> dict[str, Actuator]:
     top, angle = limits["nMax"] * pi / 30, radians(limits["deltaMax_fin_deg"])
     results = {"n": Actuator(limits["T_n"], -top, top)}
-    results |= {name: Actuator(limits["T_delta"], -angle, angle) for name in _FINS}
+    results |= {name: Actuator(limits["T_delta"], -angle, angle) for name in FINS}
     return {name: actuator for name, actuator in results.items() if name in vehicle.controls}

@@ -16,7 +16,7 @@ from seatrial.export.equations import lagging, python_module
 from seatrial.export.motion import motion_of
 from seatrial.export.rigid_body import DENSITY, body_of, flip, gravity_of, volume_of
 from seatrial.export.target import Carried, Exporter, Statement
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import comment, identifier, number, numbers
 from seatrial.vehicles.hull import rigid_mass_matrix
 
@@ -29,11 +29,7 @@ class Mujoco(Exporter):
 
     name: str = "mjcf"
     target: str = "MuJoCo 3 and 4, MJCF with a Python callback"
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        require_known(vehicle, self.name, vehicle.moves)
-        super().check(vehicle)
+    simulates = "moves"
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`: everything; contacts and further joints see the body without its added mass."""

@@ -34,7 +34,7 @@ from seatrial.export.terms import (
     thrust_law_losses,
     with_gains,
 )
-from seatrial.export.vehicle import ExportedVehicle, require_known
+from seatrial.export.vehicle import ExportedVehicle
 from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numbers, text
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
@@ -58,11 +58,7 @@ class Stonefish(Exporter):
     name: str = "stonefish"
     target: str = "Stonefish 1.4 to 1.6 (checked in 1.6)"
     density: float = DENSITY
-
-    def check(self, vehicle: ExportedVehicle) -> None:
-        """See `Exporter`."""
-        require_known(vehicle, self.name)
-        super().check(vehicle)
+    simulates = "all"
 
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`."""

@@ -19,6 +19,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.signals import SET, SIGNALS, signal_unit
 from seatrial.estimation.simulation.starts import level_start
 from seatrial.export.from_campaign import stored_estimate
+from seatrial.export.manoeuvre import DEFAULT_SPEED
 from seatrial.manoeuvres.manoeuvre import Limits
 from seatrial.manoeuvres.schedule import read_rows
 from seatrial.vehicles.model import VehicleModel
@@ -31,7 +32,6 @@ from seatrial.vehicles.model import VehicleModel
 # A positive rudder turns one vehicle to port and another to starboard, so the sign is that of a difference of
 # accelerations: between the largest and the smallest value of the trial, neutral included, at trim.
 
-DEFAULT_SPEED = 1.5  # Speed ahead, m/s, at which fins are judged where the vehicle has no trim speed
 _DRAWS = 400
 # Stick of a control, the velocity that it stands for, and the sign of that velocity on a positive stick.
 _STICKS = {
@@ -341,14 +341,11 @@ def _check_table(trial: Trial, path: Path, remedy: str) -> None:
 
 def _check(trial: Trial, path: Path) -> None:
     factor, unit = trial.shown
-    for bound, least, beyond in (
-        (trial.lower, trial.value.min(), lambda x, bound: x < bound),
-        (trial.upper, trial.value.max(), lambda x, bound: x > bound),
-    ):
-        if bound is not None and beyond(least, bound) and abs(least - bound) > _ROUNDING * max(1.0, abs(bound)):
+    for bound, end, sign in ((trial.lower, trial.value.min(), -1), (trial.upper, trial.value.max(), 1)):
+        if bound is not None and sign * (end - bound) > _ROUNDING * max(1.0, abs(bound)):
             raise InputError(
                 str(path),
-                found=f"{trial.control} of {least * factor:.6g} {unit}",
+                found=f"{trial.control} of {end * factor:.6g} {unit}",
                 expected=f"within the campaign's limit of {bound * factor:.6g} {unit}",
                 remedy="design the trial again: the limits have changed since",
             )
