@@ -162,17 +162,13 @@ async def fill(
 
     async def put() -> None:
         try:
-            answer = await task
+            answer, show = await task, build
         except (SeatrialError, OSError) as error:
-            if is_wanted():
-                holder.clear()
-                with holder:
-                    say(error)
-            return
+            answer, show = error, say
         if is_wanted():
             holder.clear()
             with holder:
-                await _finished(build(answer))
+                await _finished(show(answer))
 
     def is_wanted() -> bool:  # the viewer may have gone on to something else
         return not holder.is_deleted and _LAST.get(holder) is turn

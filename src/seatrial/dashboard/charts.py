@@ -342,11 +342,7 @@ class TimeChart:
         return [{**one, "markArea": veil} if index in tops.values() else one for index, one in enumerate(series)]
 
     def _options(self, curves: Mapping[str, Envelope]) -> dict[str, Any]:
-        every, top, grids = list(range(len(self.panels))), _TOP, []
-        for panel in self.panels:
-            place = {"left": _LEFT, "right": _RIGHT, "top": top, "height": panel.height}
-            grids.append({**place, "outerBoundsMode": "none"})
-            top += panel.height + _GAP
+        every, place = list(range(len(self.panels))), {"left": _LEFT, "right": _RIGHT, "outerBoundsMode": "none"}
         first, last = self.span
         below = {"nameLocation": "middle", "nameGap": 26}
         times = [
@@ -367,7 +363,7 @@ class TimeChart:
         labels = self._labels()
         zoom = {"xAxisIndex": every, "filterMode": "none", "throttle": 30}
         return {
-            "grid": grids,
+            "grid": [{**place, **grid} for grid in self._layout(WIDTHS[0])["grid"]],
             "xAxis": times,
             "yAxis": values,
             "series": self._shaded(self._series(curves)),

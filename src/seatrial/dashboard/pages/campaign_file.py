@@ -75,13 +75,6 @@ class FileForm:
         self.said.clear()
         self.text.value = self.seen
 
-    def _say_changed(self) -> None:
-        """Report that the file changed since it was read; what was typed stays in the field."""
-        with self.said:
-            words = "The file was changed after you began. Your text stays in the field. Look at the differences before you save."
-            markup(error_html(words, "Nothing was written."))
-            button("Show the difference", self._show_difference, main=True)
-
     async def _show_difference(self) -> None:
         """Show what saving would change of the file as it is now; from then on the typed text may take its place."""
         with saying(self.said):
@@ -106,7 +99,10 @@ class FileForm:
             cautions = await self.context.worker_pool.think("check", str(self.folder), text)
             there = await asyncio.to_thread(read_file, self.folder)
             if text != self.seen and there != self.seen:
-                self._say_changed()
+                with self.said:
+                    words = "The file was changed after you began. Your text stays in the field. Look at the differences before you save."
+                    markup(error_html(words, "Nothing was written."))
+                    button("Show the difference", self._show_difference, main=True)
                 return
             if text != self.seen:
                 write_file(self.folder, text, self.seen)

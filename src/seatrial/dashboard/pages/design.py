@@ -40,7 +40,8 @@ WHICH = {"design": "the first trial, from the priors", "next": "the next trial, 
 
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
-    paths = {"design": Store(folder).design, "next": Store(folder).next_design}
+    paths, file = {"design": Store(folder).design, "next": Store(folder).next_design}, folder / CAMPAIGN
+    think = partial(context.worker_pool.think, files=[file])
 
     def show() -> None:
         there = [which for which, path in paths.items() if path.is_file()]
@@ -51,7 +52,12 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             with section("No design yet", words):
                 pass
 
-    await _cautions(context, folder)
+    await keep_filled(
+        lambda: stamp(file),
+        lambda: think("cautions", str(folder)),
+        lambda cautions: markup(cautions_html(cautions)),
+        "checking the campaign file …",
+    )
     await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
     with section("Run it", "Results that no longer belong to the campaign file are computed again."):
         with ui.element("div").classes("line"):
@@ -80,19 +86,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             form.offer_save(folder, Markup(saved))
             return form
 
-        path = folder / CAMPAIGN
-        await keep_form(path, lambda: context.worker_pool.think("limits_form", str(folder), files=[path]), make)
-
-
-async def _cautions(context: AppContext, folder: Path) -> None:
-    """Return what is worth correcting in the campaign file before a trial, and keep that up to date."""
-    path, words = folder / CAMPAIGN, "checking the campaign file …"
-    await keep_filled(
-        lambda: stamp(path),
-        lambda: context.worker_pool.think("cautions", str(folder), files=[path]),
-        lambda cautions: markup(cautions_html(cautions)),
-        words,
-    )
+        await keep_form(file, lambda: think("limits_form", str(folder)), make)
 
 
 class Surface:

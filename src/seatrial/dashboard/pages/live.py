@@ -48,43 +48,33 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     ui.timer(EVERY, look)
     words = "It never commands the vehicle. All who look at this page see what it says, once a second."
     with section("Follow a trial", words):
-        await StartForm(context, folder).build()
+        await start_form(context, folder)
         Live(context, folder, (LIVE,))
         words = "A page cannot read the output of another program: pipe it in a shell, <code>your_logger | seatrial live {} -</code>."
         markup(Markup('<p class="note">' + words + "</p>").format(shlex.quote(str(folder))))
 
 
-class StartForm:
-    """Where the samples come from, and the button that starts to follow them; Stop is in the bar above.
+async def start_form(context: AppContext, folder: Path) -> None:
+    """Build the choice of where the samples come from, and the button that starts to follow them; Stop is in the bar above."""
+    files = await asyncio.to_thread(logs_of, folder, TEXTS)
+    with ui.element("div").classes("line"):
+        sources = {"file": "a text file that grows, in the campaign's folder", "udp": "MAVLink that arrives by UDP"}
+        sources |= {ROS: "ROS 2 topics that [import] names, if the dashboard was started with rclpy"}
+        kind = ui.select(sources, value="file", label="Samples come from").props(LOOK).classes("wide")
+        file = ui.select(files, label="File").props(LOOK)
+        port = ui.input("Port", value=PORT).props(LOOK)
+    file.bind_visibility_from(kind, "value", value="file")
+    port.bind_visibility_from(kind, "value", value="udp")
 
-    Args:
-        context: what is served.
-        folder: of the campaign.
-    """
+    def start() -> None:
+        source = {"udp": port.value, "file": file.value}.get(str(kind.value), ROS)
+        with saying(messages):
+            context.jobs.follow(folder, str(source or "").strip())
+        context.glances.pop(folder, None)
 
-    def __init__(self, context: AppContext, folder: Path):
-        self.context, self.folder = context, folder
-
-    async def build(self) -> None:
-        """Build the form."""
-        files = await asyncio.to_thread(logs_of, self.folder, TEXTS)
-        with ui.element("div").classes("line"):
-            sources = {"file": "a text file that grows, in the campaign's folder", "udp": "MAVLink that arrives by UDP"}
-            sources |= {ROS: "ROS 2 topics that [import] names, if the dashboard was started with rclpy"}
-            self.kind = ui.select(sources, value="file", label="Samples come from").props(LOOK).classes("wide")
-            self.file = ui.select(files, label="File").props(LOOK)
-            self.port = ui.input("Port", value=PORT).props(LOOK)
-        self.file.bind_visibility_from(self.kind, "value", value="file")
-        self.port.bind_visibility_from(self.kind, "value", value="udp")
-        with ui.element("div").classes("line"):
-            button("Start", self._start, main=True)
-        self.said = ui.element("div")
-
-    def _start(self) -> None:
-        source = {"udp": self.port.value, "file": self.file.value}.get(str(self.kind.value), ROS)
-        with saying(self.said):
-            self.context.jobs.follow(self.folder, str(source or "").strip())
-        self.context.glances.pop(self.folder, None)
+    with ui.element("div").classes("line"):
+        button("Start", start, main=True)
+    messages = ui.element("div")
 
 
 def look_html(look: Mapping[str, Any], now: float) -> Markup:

@@ -46,7 +46,8 @@ async def _campaigns(context: AppContext, names: list[str]) -> None:
         return
     if names != ["."]:
         _new_button()
-    markup(Markup('<p class="note">{} in {}. {}</p>').format(_count(len(names)), root, LEGEND))
+    count = f"{len(names)} campaign{'s' * (len(names) != 1)}"
+    markup(Markup('<p class="note">{} in {}. {}</p>').format(count, root, LEGEND))
     folders = {name: context.campaign_paths.folder(name) for name in names}
     standing = {name: asyncio.ensure_future(context.steps(folder)) for name, folder in folders.items()}
     await asyncio.wait(standing.values(), timeout=PATIENCE)
@@ -114,7 +115,3 @@ def title_of(folder: Path) -> str:
         return str(content["campaign"]["name"])[:120]
     except (SeatrialError, OSError, KeyError, TypeError):
         return ""
-
-
-def _count(number: int) -> str:
-    return f"{number} campaign{'s' * (number != 1)}"

@@ -55,7 +55,12 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "Checks",
         "Results of seatrial check: direction, size, delay, outliers, gaps, and the coefficients that each record can determine.",
     ):
-        await checks_part(context, campaign, folder)
+        await keep_filled(
+            lambda: change_of(folder),
+            lambda: context.checked(folder),
+            lambda found: markup(checks_html(found, campaign)),
+            "reading …",
+        )
         live, messages = Live(context, folder, OF_RECORDS), ui.element("div")
 
         def offer(words: str) -> None:
@@ -83,17 +88,6 @@ def is_of_template(folder: Path) -> bool:
         return has_placeholders(read_file(folder))
     except SeatrialError:  # said by the forms
         return False
-
-
-async def checks_part(context: AppContext, campaign: str, folder: Path) -> None:
-    """Show what the last check found, and keep that up to date."""
-
-    await keep_filled(
-        lambda: change_of(folder),
-        lambda: context.checked(folder),
-        lambda found: markup(checks_html(found, campaign)),
-        "reading …",
-    )
 
 
 def checks_html(checked: Checked | None, campaign: str) -> Markup:

@@ -40,7 +40,12 @@ OPTION = """
 async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("State of this campaign", LEGEND):
-        await standing_part(context, folder)
+        await keep_filled(
+            lambda: change_of(folder),
+            lambda: context.steps(folder),
+            lambda steps: markup(steps_html(steps)),
+            "checking which results are current …",
+        )
     with section("Run a command", "The same commands as in a shell. A command that is started again resumes."):
         CommandForm(context, folder)
     with section("At work", "A command continues if this page or the dashboard is closed."):
@@ -52,16 +57,6 @@ async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
     """Show what the last command wrote, and keep that up to date."""
     part = ui.element("div")
     await keep_current(part, lambda: change_of(folder), lambda: _made(folder, campaign, context.jobs.look(folder)))
-
-
-async def standing_part(context: AppContext, folder: Path) -> None:
-    """Show which steps are current, and keep that up to date."""
-    await keep_filled(
-        lambda: change_of(folder),
-        lambda: context.steps(folder),
-        lambda steps: markup(steps_html(steps)),
-        "checking which results are current …",
-    )
 
 
 class CommandForm:
