@@ -376,8 +376,9 @@ def test_multipliers_give_the_vehicles_drag_face_by_face():
 
 def test_box_holds_the_volume_and_is_as_long_as_what_stands_apart():
     for vehicle in (published(), published(BLUEROV2)):
-        half = stonefish.box(vehicle, 0.03)
-        assert 8 * np.prod(half) == pytest.approx(0.03)
+        half, hull = stonefish.solid_of(vehicle, DENSITY).half, vehicle.hull
+        displaced = hull.mass + (hull.buoyancy - hull.weight) / 9.81
+        assert 8 * np.prod(half) == pytest.approx(displaced / DENSITY)
         assert half[1] == half[2]
         assert half[0] >= half[1]
         places = [abs(fin.place) for fin in stonefish.rudders_of(vehicle)]

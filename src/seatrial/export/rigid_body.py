@@ -10,7 +10,7 @@ Both agree where the fin meets the flow head on. Going astern such a fin gives n
 is not here), and the term u^2 delta still pushes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,6 +130,13 @@ def gravity_of(vehicle: ExportedVehicle) -> float:
 def volume_of(vehicle: ExportedVehicle, density: float) -> float:
     """Return the displaced volume by which the buoyancy comes out, m^3."""
     return vehicle.hull.buoyancy / (density * gravity_of(vehicle))
+
+
+def box_of(volume: float, places: Iterable[float]) -> Float[np.ndarray, " 3"]:
+    """Return the lengths of a box of a volume, m^3, about the origin that reaches the places of fins and thrusters ahead of it, m."""
+    length = max([2.0 * abs(place) for place in places] + [volume ** (1 / 3)])
+    side = (volume / length) ** 0.5
+    return np.array([length, side, side])
 
 
 def flu(place: tuple[float, float, float] | Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:

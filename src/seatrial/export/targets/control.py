@@ -14,18 +14,8 @@ from jaxtyping import Float
 
 from seatrial.core.argument_checks import check_number, check_sequence
 from seatrial.core.signals import signal_unit
+from seatrial.export import linear
 from seatrial.export.ensemble import DRAWS, OF_ONE_MODEL, Ensemble, ensemble_of
-from seatrial.export.linear import (
-    Known,
-    LinearModel,
-    Part,
-    input_unit,
-    linearise,
-    numbers_of,
-    parts_of,
-    responses,
-    usual_speeds,
-)
 from seatrial.export.motion import motion_of
 from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import actuator_losses
@@ -37,15 +27,8 @@ _DRAWN = ("surge", "yaw")  # Subsystems with a Bode plot
 _HOLDS = "none of first order about each trim below; away from it linear models lack all terms of higher order"
 _VERDICTS = {"": "", "published": " (by published values only)", "undetermined": " (not determined by the data)"}
 _DECADES, _POINTS = (-1.5, 1.5), 40  # Of a Bode plot about its fastest and slowest pole
-_NEAR = (
-    -2.0,
-    -1.0,
-    -0.5,
-    0.0,
-    0.5,
-    1.0,
-    2.0,
-)  # Points of a Bode plot about a natural frequency, in units of its half width
+# Points of a Bode plot about a natural frequency, in units of its half width.
+_NEAR = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +65,7 @@ class Control(Exporter):
         """See `Exporter`."""
         models = self._models(vehicle)[1]
         head = "".join(f"# {line}\n" for whole in statement.lines for line in whole.splitlines() or [""])
-        parts = parts_of(vehicle, models[0])
+        parts = linear.parts_of(vehicle, models[0])
         states = {part.name: list(part.states) for part in parts}
         drives = {part.name: [part.input, part.direction.tolist()] for part in parts}
         module = head + _MODULE.replace("@PARTS@", json.dumps(states)).replace("@DRIVES@", json.dumps(drives))
@@ -92,7 +75,7 @@ class Control(Exporter):
         }
         trim = vehicle.hull.trim.get("u", models[0].speed)
         nearest = min(models, key=lambda one: abs(one.speed - trim))
-        for part in parts_of(vehicle, nearest):
+        for part in linear.parts_of(vehicle, nearest):
             if part.name in _DRAWN and part.b[0].any():
                 drawn = _bode(nearest, part)
                 inside = drawn.index(">", drawn.index("<svg")) + 1
@@ -100,9 +83,9 @@ class Control(Exporter):
                 files[f"bode_{part.name}.svg"] = drawn[:inside] + about + drawn[inside:]
         return files
 
-    def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[LinearModel]]:
+    def _models(self, vehicle: ExportedVehicle) -> tuple[Ensemble | None, list[linear.LinearModel]]:
         ensemble = ensemble_of(vehicle, self.count, self.seed) if vehicle.estimated.names else None
-        return ensemble, linearise(vehicle, tuple(self.speeds) or usual_speeds(vehicle), ensemble)
+        return ensemble, linear.linearise(vehicle, tuple(self.speeds) or linear.usual_speeds(vehicle), ensemble)
 
     def notes(self, vehicle: ExportedVehicle, provenance: ExportProvenance) -> list[str]:
         """Return trim, poles, time constants and gains of each speed, and what their ± is."""
@@ -118,8 +101,8 @@ class Control(Exporter):
         for model in models:
             lines.append(f"at {model.speed:g} m/s, {_trim_words(vehicle, model)}:")
             lines += _beyond_records(model.speed, provenance.speeds)
-            for part in parts_of(vehicle, model):
-                lines += [f"  {part.name}: {_words(known)}" for known in numbers_of(part, size)]
+            for part in linear.parts_of(vehicle, model):
+                lines += [f"  {part.name}: {_words(known)}" for known in linear.numbers_of(part, size)]
         return lines
 
 
@@ -132,13 +115,13 @@ def _beyond_records(speed: float, fitted: tuple[float, float] | None) -> list[st
     ]
 
 
-def _words(known: Known) -> str:
+def _words(known: linear.Known) -> str:
     words = f"{known.name} {known.value.real:.4g}" + (f" ± {known.sd:.2g}" if known.sd else "") + f" {known.unit}"
     words += f", oscillating at {known.value.imag:.3g} rad/s" if known.value.imag else ""
     return words + _VERDICTS[known.verdict]
 
 
-def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
+def _trim_words(vehicle: ExportedVehicle, model: linear.LinearModel) -> str:
     """Return the trim in words: what is not zero, what is beyond a limit, and draws without one."""
     rows = [
         (name, value)
@@ -146,7 +129,7 @@ def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
         if not name.endswith("_act") and name != "u"
     ]
     rows += list(zip(model.inputs, model.control[0], strict=True))
-    words = [f"{name} = {value:.4g} {input_unit(name)}" for name, value in rows if abs(value) > 1e-9]
+    words = [f"{name} = {value:.4g} {linear.input_unit(name)}" for name, value in rows if abs(value) > 1e-9]
     limits = [vehicle.actuators.get(name, Actuator(0.0)) for name in model.inputs]
     rows = zip(model.inputs, limits, model.control[0], strict=True)
     beyond = [name for name, limit, value in rows if not limit.lower <= value <= limit.upper]
@@ -158,7 +141,7 @@ def _trim_words(vehicle: ExportedVehicle, model: LinearModel) -> str:
     return ", ".join(words) or "all other signals zero"
 
 
-def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
+def _mat_file(models: list[linear.LinearModel], about: str, title: str) -> bytes:
     """Return a MAT-file whose arrays end in the speeds, and those of the ensemble in draws and speeds."""
     from scipy.io import savemat
 
@@ -187,27 +170,26 @@ def _mat_file(models: list[LinearModel], about: str, title: str) -> bytes:
     return f"MATLAB 5.0 MAT-file, {title}".encode()[:116].ljust(116) + stream.getvalue()[116:]
 
 
-def _bode(model: LinearModel, part: Part) -> str:
+def _bode(model: linear.LinearModel, part: linear.Part) -> str:
     from seatrial.report.drawing import draw_svg
     from seatrial.report.figures.bode import bode_figure
     from seatrial.report.figures.style import own_settings
 
-    unit = f"{signal_unit(part.output)} / {input_unit(part.input)}"
+    unit = f"{signal_unit(part.output)} / {linear.input_unit(part.input)}"
     with own_settings():
         title = f"{part.output} by {part.input} at {model.speed:g} m/s"
         frequency = bode_frequencies(model, part)
-        return draw_svg(bode_figure(frequency, responses(model, part, frequency), title, unit), part.name)
+        return draw_svg(bode_figure(frequency, linear.responses(model, part, frequency), title, unit), part.name)
 
 
-def bode_frequencies(model: LinearModel, part: Part) -> Float[np.ndarray, " f"]:
+def bode_frequencies(model: linear.LinearModel, part: linear.Part) -> Float[np.ndarray, " f"]:
     """Return the frequencies of a Bode plot, rad/s: even by their logarithm about the poles of a part, and close at each resonance."""
     sizes = np.abs(np.linalg.eigvals(part.a[0]))
     sizes = sizes[sizes > 1e-6] if (sizes > 1e-6).any() else np.ones(1)
     low, high = np.log10([sizes.min(), sizes.max()]) + _DECADES
     poles = np.linalg.eigvals(model.a[0])
-    poles = poles[
-        (poles.imag > 0) & (np.abs(poles.real) > 1e-6 * np.abs(poles))
-    ]  # without damping there is no finite peak
+    # Without damping there is no finite peak.
+    poles = poles[(poles.imag > 0) & (np.abs(poles.real) > 1e-6 * np.abs(poles))]
     peaks = np.abs(poles) + np.outer(_NEAR, poles.real)
     peaks = peaks[(peaks > 10.0**low) & (peaks < 10.0**high)]
     return np.unique(np.concatenate([np.logspace(low, high, _POINTS), peaks]))

@@ -94,9 +94,8 @@ def _finished(path: Path, guid: UUID) -> bytes:
             if name == "modelDescription.xml":
                 text = re.sub(r'\bguid="[^"]*"', f'guid="{guid}"', content.decode(), count=1)
                 text = re.sub(r'\s*generationDateAndTime="[^"]*"', "", text, count=1)
-                outputs = (
-                    r"<Outputs>(.*?)</Outputs>"  # FMI 2 has those computed at the start once more; pythonfmu has not
-                )
+                # FMI 2 has the outputs that are computed at the start once more; pythonfmu has not.
+                outputs = r"<Outputs>(.*?)</Outputs>"
                 content = re.sub(outputs, r"\g<0><InitialUnknowns>\1</InitialUnknowns>", text, flags=re.DOTALL).encode()
             result.writestr(zipfile.ZipInfo(name, _UNDATED), content, zipfile.ZIP_DEFLATED)
     return stream.getvalue()

@@ -16,24 +16,8 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
+from seatrial.export import rigid_body
 from seatrial.export.motion import Motion, cross, current_in, force_of, motion_with
-from seatrial.export.rigid_body import (
-    DENSITY,
-    SIGN,
-    Drive,
-    Fin,
-    body_of,
-    drive_name,
-    drives_of,
-    fin_force,
-    fin_words,
-    fins_of,
-    flip,
-    flu,
-    gravity_of,
-    point_mass,
-    volume_of,
-)
 from seatrial.export.stability import check_explicit_added_mass
 from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import (
@@ -70,7 +54,7 @@ class Gz(Exporter):
     name: str = "gz"
     target: str = "Gazebo (gz-sim 8 and later, SDFormat 1.11)"
     engine: str = "dart"
-    density: float = DENSITY
+    density: float = rigid_body.DENSITY
     simulates = "all"
 
     def check(self, vehicle: ExportedVehicle) -> None:
@@ -97,8 +81,8 @@ class Gz(Exporter):
     def carries(self, vehicle: ExportedVehicle) -> Carried:
         """See `Exporter`."""
         terms = sorted_terms(vehicle.forces)
-        drives, thrust = drives_of(vehicle)
-        fins, odd = fins_of(terms)
+        drives, thrust = rigid_body.drives_of(vehicle)
+        fins, odd = rigid_body.fins_of(terms)
         finned = [name for name in vehicle.forces if sorted_terms({name: 1.0}).fin]
         kept, weaker = with_gains(without(vehicle, [*terms.other, *thrust, *finned])), []
         if drives and drives[0].factor is None:  # the plugin gives a commanded force whole
@@ -117,12 +101,14 @@ class Gz(Exporter):
             *actuator_losses(vehicle, actuators),
             *drifting,
         )
-        changed = [fin_words(fins)] if fins else []
+        changed = [rigid_body.fin_words(fins)] if fins else []
         if self.engine == "dart" and vehicle.added_coriolis == "named":
             changed.append(
                 "products of velocities: minus the Coriolis forces of added mass that DART adds, with the same sum"
             )
-        forces = [force_of(kept), fin_force(fins)] + ([_drift_force(vehicle)] if self.engine == "dart" else [])
+        forces = [force_of(kept), rigid_body.fin_force(fins)] + (
+            [_drift_force(vehicle)] if self.engine == "dart" else []
+        )
         return Carried(
             motion_with(kept, *forces),
             lost,
@@ -145,7 +131,7 @@ class Gz(Exporter):
         }
 
 
-def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[Fin, ...]) -> tuple[str, ...]:
+def _drift_losses(engine: str, vehicle: ExportedVehicle, fins: tuple[rigid_body.Fin, ...]) -> tuple[str, ...]:
     """Return what is wrong in a current, in words."""
     parts = []
     if engine == "dart" and vehicle.added_mass.any():
@@ -170,39 +156,32 @@ def _drift_force(vehicle: ExportedVehicle) -> Motion:
 
 def plugin_terms(vehicle: ExportedVehicle, engine: str) -> dict[str, float]:
     """Return the parameters of the hydrodynamics plugin by element."""
-    terms, results = sorted_terms(vehicle.forces), {}
+    terms, results, sign = sorted_terms(vehicle.forces), {}, rigid_body.SIGN
+    axis, rate = [name.lower() for name in AXES], [name.upper() for name in RATES]
     if engine == "other":
         for i, j in np.argwhere(vehicle.added_mass != 0):
-            results[f"{_axis(i)}Dot{_rate(j)}"] = -float(flip(vehicle.added_mass)[i, j])
+            results[f"{axis[i]}Dot{rate[j]}"] = -float(rigid_body.flip(vehicle.added_mass)[i, j])
     for (i, j), value in terms.linear.items():
-        results[f"{_axis(i)}{_rate(j)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{axis[i]}{rate[j]}"] = value * sign[i] * sign[j]
     for (i, j, k), value in terms.modulus.items():
-        results[f"{_axis(i)}{_rate(j)}abs{_rate(k)}"] = value * SIGN[i] * SIGN[j]
+        results[f"{axis[i]}{rate[j]}abs{rate[k]}"] = value * sign[i] * sign[j]
     own, made = all_products(vehicle), automatic_products(vehicle) if engine == "dart" else {}
     for key in sorted({*own, *made}):
         i, j, k = key
         wanted, automatic = own.get(key, 0.0), made.get(key, 0.0)
         if abs(wanted - automatic) > 1e-12 * max(abs(wanted), abs(automatic)):
-            results[f"{_axis(i)}{_rate(j)}{_rate(k)}"] = (wanted - automatic) * SIGN[i] * SIGN[j] * SIGN[k]
+            results[f"{axis[i]}{rate[j]}{rate[k]}"] = (wanted - automatic) * sign[i] * sign[j] * sign[k]
     return results
-
-
-def _axis(i: int) -> str:
-    return AXES[i].lower()
-
-
-def _rate(i: int) -> str:
-    return RATES[i].upper()
 
 
 def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
     """Return what a user of these files must know."""
-    drives, _ = drives_of(vehicle)
+    drives, _ = rigid_body.drives_of(vehicle)
     kind = "N to /model/{0}/joint/{1}_joint/cmd_thrust" if drives and drives[0].factor is None else None
     kind = kind or "rad/s to /model/{0}/joint/{1}_joint/cmd_vel"
     lines = ["axes: forward, port, up from the link's origin; SI", "run: gz sim -r world.sdf"]
-    lines += [f"drive: {kind.format(name, drive_name(drive))}" for drive in drives]
-    fins, _ = fins_of(sorted_terms(vehicle.forces))
+    lines += [f"drive: {kind.format(name, rigid_body.drive_name(drive))}" for drive in drives]
+    fins, _ = rigid_body.fins_of(sorted_terms(vehicle.forces))
     lines += [f"{fin.control}: rad to /model/{name}/joint/{fin.control}_joint/0/cmd_pos" for fin in fins]
     lines += (
         ["fins turn by the right hand about their joints' axes, down and to starboard, and lift accordingly"]
@@ -225,17 +204,16 @@ def _notes(options: Gz, vehicle: ExportedVehicle, name: str) -> list[str]:
 
 
 def _model(options: Gz, vehicle: ExportedVehicle, name: str) -> str:
-    drives, _ = drives_of(vehicle)
-    fins, _ = fins_of(sorted_terms(vehicle.forces))
-    parts = [flu(drive.place) for drive in drives] + [np.array([fin.place, 0.0, 0.0]) for fin in fins]
-    own = flip(vehicle.rigid_mass) - sum((point_mass(PART, PART_INERTIA, at) for at in parts), start=np.zeros((6, 6)))
-    body = body_of(own)
-    # A box of the displaced volume, as long as the parts that lie farthest apart need.
-    volume = volume_of(vehicle, options.density)
-    length = max([2.0 * abs(float(at[0])) for at in parts] + [volume ** (1 / 3)])
-    side = (volume / length) ** 0.5
-    place = pose(flu(vehicle.hull.centre_of_buoyancy))
-    box = f"<pose>{place}</pose><geometry><box><size>{numbers((length, side, side))}</size></box></geometry>"
+    drives, _ = rigid_body.drives_of(vehicle)
+    fins, _ = rigid_body.fins_of(sorted_terms(vehicle.forces))
+    parts = [rigid_body.flu(drive.place) for drive in drives] + [np.array([fin.place, 0.0, 0.0]) for fin in fins]
+    own = rigid_body.flip(vehicle.rigid_mass) - sum(
+        (rigid_body.point_mass(PART, PART_INERTIA, at) for at in parts), start=np.zeros((6, 6))
+    )
+    body = rigid_body.body_of(own)
+    size = rigid_body.box_of(rigid_body.volume_of(vehicle, options.density), [float(at[0]) for at in parts])
+    place = pose(rigid_body.flu(vehicle.hull.centre_of_buoyancy))
+    box = f"<pose>{place}</pose><geometry><box><size>{numbers(size)}</size></box></geometry>"
     lines = [
         f'  <model name="{name}">',
         '    <link name="base_link">',
@@ -258,7 +236,7 @@ def _model(options: Gz, vehicle: ExportedVehicle, name: str) -> str:
 
 
 def _added_mass(vehicle: ExportedVehicle) -> str:
-    matrix, keys = flip(vehicle.added_mass), combinations_with_replacement(enumerate("xyzpqr"), 2)
+    matrix, keys = rigid_body.flip(vehicle.added_mass), combinations_with_replacement(enumerate("xyzpqr"), 2)
     rows = [f"          <{a}{b}>{number(matrix[i, j])}</{a}{b}>" for (i, a), (j, b) in keys]
     return "\n".join(["        <fluid_added_mass>", *rows, "        </fluid_added_mass>"])
 
@@ -274,17 +252,17 @@ def _part(name: str, place: np.ndarray, axis: np.ndarray, limit: str) -> str:
     )
 
 
-def _drive(options: Gz, drive: Drive, name: str) -> str:
+def _drive(options: Gz, drive: rigid_body.Drive, name: str) -> str:
     by_speed = drive.factor is not None
     limits = [
         f"      <{key}>{number(np.clip(bound, -_NO_LIMIT, _NO_LIMIT))}</{key}>"
         for key, bound in (("max_thrust_cmd", drive.upper), ("min_thrust_cmd", drive.lower))
     ]
     factor = (1.0 if drive.factor is None else drive.factor) / (options.density * DIAMETER**4)
-    part = drive_name(drive)
+    part = rigid_body.drive_name(drive)
     return "\n".join(
         [
-            _part(part, flu(drive.place), flu(drive.direction), ""),
+            _part(part, rigid_body.flu(drive.place), rigid_body.flu(drive.direction), ""),
             '    <plugin filename="gz-sim-thruster-system" name="gz::sim::systems::Thruster">',
             f"      <namespace>{name}</namespace>",
             f"      <joint_name>{part}_joint</joint_name>",
@@ -299,7 +277,7 @@ def _drive(options: Gz, drive: Drive, name: str) -> str:
     )
 
 
-def _fin(vehicle: ExportedVehicle, fin: Fin) -> str:
+def _fin(vehicle: ExportedVehicle, fin: rigid_body.Fin) -> str:
     """Return a fin; with a density of 2 and an area of 1 the plugin's lift is the coefficient times V^2.
 
     Its joint turns by the right hand about an axis down or to starboard, and the lift goes where the leading edge points.
@@ -341,7 +319,7 @@ def _world(options: Gz, vehicle: ExportedVehicle, model: str) -> str:
     engine = "gz-physics-dartsim-plugin" if options.engine == "dart" else "gz-physics-bullet-featherstone-plugin"
     lines = [
         '  <world name="water">',
-        f"    <gravity>0 0 {number(-gravity_of(vehicle))}</gravity>",
+        f"    <gravity>0 0 {number(-rigid_body.gravity_of(vehicle))}</gravity>",
         '    <physics name="steps" type="ignored"><max_step_size>0.001</max_step_size></physics>',
         *(
             f'    <plugin filename="gz-sim-{file}-system" name="gz::sim::systems::{name}">'

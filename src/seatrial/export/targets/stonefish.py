@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 from seatrial.core.signals import RATES
 from seatrial.export.manoeuvre import DEFAULT_SPEED, plan_for
 from seatrial.export.motion import Motion, force_of, motion_of, motion_with
-from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, drive_name, drives_of, fins_of
+from seatrial.export.rigid_body import DENSITY, Drive, Fin, body_of, box_of, drive_name, drives_of, fins_of
 from seatrial.export.target import Carried, Exporter, Statement
 from seatrial.export.terms import (
     actuator_losses,
@@ -39,7 +39,6 @@ from seatrial.export.xml_text import XML_HEAD, comment, identifier, number, numb
 from seatrial.vehicles.actuators import Actuator
 from seatrial.vehicles.hull import AXES, GRAVITY
 
-_SPAN = 2.0  # Length of the box over the distance of a fin or thruster from the origin
 _SUBDIVISIONS = 3  # How often Stonefish cuts each triangle of a box into four
 _TOLERANCE, _ITERATIONS = 1.2 ** (2 / 3) - 1, 10  # Where Stonefish ends its search for an ellipsoid about the box
 # Share of quadratic drag that becomes a straight line; the rest becomes a cubic, and both agree with it at half the
@@ -146,22 +145,14 @@ def solid_of(vehicle: ExportedVehicle, density: float) -> Solid:
     body = body_of(vehicle.rigid_mass)
     weight = body.mass * GRAVITY
     buoyancy = weight - (vehicle.hull.weight - vehicle.hull.buoyancy)
-    half = box(vehicle, buoyancy / (density * GRAVITY))
+    places = [float(drive.place[0]) for drive in drives_of(vehicle)[0]] + [fin.place for fin in rudders_of(vehicle)]
+    half = 0.5 * box_of(buoyancy / (density * GRAVITY), places)
     added, turned = geometry_added_mass(enclosing_ellipsoid(box_mesh(half).vertices), density)
     inertia = np.maximum(_turning_inertia(vehicle) - turned, _MIN_INERTIA_SHARE * np.diag(body.inertia))
     floats = (body.centre * weight - np.array(vehicle.hull.righting)) / buoyancy
     speed, cruises = matched_speed(vehicle)
     quadratic, viscous = drag_multipliers(vehicle, half, density, speed, cruises)
     return Solid(half, body.mass, body.centre, floats, inertia, added, turned, speed, cruises, quadratic, viscous)
-
-
-def box(vehicle: ExportedVehicle, volume: float) -> Float[np.ndarray, " 3"]:
-    """Return the half lengths of a box of a volume, m, as long as the vehicle's fins and thrusters stand apart."""
-    places = [abs(float(drive.place[0])) for drive in drives_of(vehicle)[0]]
-    places += [abs(fin.place) for fin in rudders_of(vehicle)]
-    length = max([_SPAN * place for place in places] + [volume ** (1 / 3)])
-    side = (volume / length) ** 0.5
-    return 0.5 * np.array([length, side, side])
 
 
 def box_mesh(half: Float[np.ndarray, " 3"]) -> Mesh:

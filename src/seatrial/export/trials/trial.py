@@ -72,7 +72,10 @@ def campaign_stick(campaign: Campaign, control: str, value: Float[np.ndarray, " 
     try:
         return stick_of(model, drawn, control, value, known)
     except EitherWayError:
-        estimate = _estimate(campaign, control, rate)
+        try:
+            estimate = stored_estimate(campaign)
+        except InputError as cause:
+            raise _undecided(campaign.model(campaign.full), campaign.path, control, rate, "its prior") from cause
     model = campaign.model(estimate.structure)
     names = tuple(term.text for term in model.coefficients)
     draws = dict(zip(names, estimate.draws([campaign.in_next_trial(name) for name in names]).T, strict=True))
@@ -141,13 +144,6 @@ def _row(control: str) -> tuple[str, str, int]:
 def _acceleration(model: VehicleModel, params: Mapping[str, Any], known: Mapping[str, float], rate: str) -> Any:
     state, control = level_start(model, known), tuple(known.get(name, 0.0) for name in model.controls)
     return model.derivative(params, state, control)[model.states.index(rate)]
-
-
-def _estimate(campaign: Campaign, control: str, rate: str) -> Any:
-    try:
-        return stored_estimate(campaign)
-    except InputError as cause:
-        raise _undecided(campaign.model(campaign.full), campaign.path, control, rate, "its prior") from cause
 
 
 def _undecided(model: VehicleModel, path: Path, control: str, rate: str, by: str) -> InputError:
