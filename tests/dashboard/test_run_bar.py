@@ -93,12 +93,13 @@ class Part:
 def test_a_part_is_built_again_once_a_change_has_settled(monkeypatch):
     looks, built, part, value = [], [], Part(), [0]
     monkeypatch.setattr(app_context.ui, "timer", lambda seconds, look: looks.append(look))
+    monkeypatch.setattr(app_context.ui, "element", lambda tag: part)
 
     async def build():
         built.append(value[0])
 
     async def follow():
-        await app_context.keep_current(part, lambda: value[0], build)
+        await app_context.keep_current(lambda: value[0], build)
         (look,) = looks
         for new in (0, 1, 2, 2, 2):
             value[0] = new

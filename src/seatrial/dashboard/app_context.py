@@ -80,15 +80,15 @@ class AppContext:
         return await self.worker_pool.think("form_data", str(folder), files=[folder / CAMPAIGN])
 
 
-async def keep_current(part: Any, stamp_of: Callable[[], Any], build: Callable[[], Any]) -> None:
+async def keep_current(stamp_of: Callable[[], Any], build: Callable[[], Any]) -> None:
     """Build a part of a page, and build it again whenever what it shows has changed, whoever changed it.
 
     Args:
-        part: element that holds it.
         stamp_of: what tells that something has changed; asked in a thread.
         build: of its content, at once or as a coroutine.
     """
-    last = shown = await asyncio.to_thread(stamp_of)
+    part, last = ui.element("div"), await asyncio.to_thread(stamp_of)
+    shown = last
     with part:
         await _finished(build())
 
@@ -128,7 +128,7 @@ async def keep_form(path: Path, ask: Callable[[], Awaitable[Any]], make: Callabl
         read = stamp(path)
         await fill(ui.element("div"), ask(), built)
 
-    await keep_current(ui.element("div"), lambda: read if forms and forms[0].is_edited else stamp(path), show)
+    await keep_current(lambda: read if forms and forms[0].is_edited else stamp(path), show)
 
 
 async def keep_filled(
@@ -139,7 +139,7 @@ async def keep_filled(
 ) -> None:
     """Fill a part of a page with what is built of an answer, and again whenever that has changed; arguments as `keep_current`, `fill`."""
 
-    await keep_current(ui.element("div"), stamp_of, lambda: fill(ui.element("div"), ask(), build, waiting))
+    await keep_current(stamp_of, lambda: fill(ui.element("div"), ask(), build, waiting))
 
 
 async def fill(

@@ -79,10 +79,8 @@ def _types(hint: Any) -> list[Any]:
 
 
 def _option(name: str, hint: Any, about: OptionInfo, default: Any) -> CommandOption:
-    declared = (
-        about.default,
-        *(about.param_decls or ()),
-    )  # inside Annotated the first name stands where a default would
+    # Inside Annotated the first name stands where a default would.
+    declared = (about.default, *(about.param_decls or ()))
     written = next((one for one in declared if str(one).startswith("--")), f"--{name.replace('_', '-')}")
     kind = _types(hint)[0]
     meaning, shown = str(about.help or ""), "" if default is None else str(default)

@@ -108,7 +108,7 @@ async def next_part(context: AppContext, view: str, campaign: str, folder: Path)
             asked = find_next_step(context, folder)
             await fill(ui.element("div"), asked, lambda step: markup(next_html(step, view, campaign)), "next step …")
 
-    await keep_current(ui.element("div"), lambda: (change_of(folder), context.look(folder).running), show)
+    await keep_current(lambda: (change_of(folder), context.look(folder).running), show)
 
 
 def next_html(step: NextStep, view: str, campaign: str) -> Markup:

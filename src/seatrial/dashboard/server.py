@@ -108,9 +108,7 @@ def serve(
     anywhere = host in ("0.0.0.0", "::")
     shown = _address(socket.gethostname() if anywhere else host, port, token)
     echo(f"{context.campaign_paths.root} is served at {shown}")
-    echo(
-        f"its campaigns read only files below {' and '.join(map(str, [context.campaign_paths.root, *others]))}",
-    )
+    echo(f"its campaigns read only files below {' and '.join(map(str, [context.campaign_paths.root, *others]))}")
     if not is_loopback(host):
         echo(
             "anyone with the token has full access, and the traffic is not encrypted: use a network you trust, or ssh -L",
@@ -196,10 +194,8 @@ def _add_files(app: FastAPI, context: AppContext, guard: RequestGuard) -> None:
         try:
             folder = context.campaign_paths.folder(campaign) if campaign else context.campaign_paths.root
             kept, is_another = await receive(request.stream(), folder, name, SUFFIXES, guard.most)
-        except (
-            SeatrialError,
-            OSError,
-        ) as error:  # an answer, not a failure: a browser would report that in its console
+        except (SeatrialError, OSError) as error:
+            # An answer, not a failure: a browser would report that in its console.
             return JSONResponse(["refused", words_of(error)])
         except ClientDisconnect:  # gone, or cut off by the guard
             return PlainTextResponse(f"broken off, too slow, or more than {guard.most >> 20:,} MiB\n", 413)

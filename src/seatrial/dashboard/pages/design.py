@@ -58,7 +58,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         lambda cautions: markup(cautions_html(cautions)),
         "checking the campaign file …",
     )
-    await keep_current(ui.element("div"), lambda: tuple(map(stamp, paths.values())), show)
+    await keep_current(lambda: tuple(map(stamp, paths.values())), show)
     with section("Run it", "Results that no longer belong to the campaign file are computed again."):
         with ui.element("div").classes("line"):
             for command, words in (

@@ -28,12 +28,11 @@ LEGEND = (
 async def build(context: AppContext) -> None:
     """Build the page."""
     with frame(context, ""):
-        part = ui.element("div")
 
         async def show() -> None:
             await _campaigns(context, await asyncio.to_thread(context.campaign_paths.campaigns))
 
-        await keep_current(part, lambda: tuple(context.campaign_paths.campaigns()), show)
+        await keep_current(lambda: tuple(context.campaign_paths.campaigns()), show)
 
 
 async def _campaigns(context: AppContext, names: list[str]) -> None:
@@ -79,7 +78,7 @@ async def _card(
             waiting = "checking which results are current …"
             await fill(part, steps, lambda found: markup(steps_html(found)), waiting, patience=0.001)
 
-        await keep_current(ui.element("div"), lambda: change_of(folder), show)
+        await keep_current(lambda: change_of(folder), show)
         at_work = markup("")
         markup(links_html((link(key, name), words) for key, words in VIEWS.items()))
 

@@ -39,9 +39,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
     """Build the view."""
     with section("Report", "One page with all results, to archive or print; it needs no server."):
         report = Store(folder).report
-
-        part = ui.element("div")
-        await keep_current(part, lambda: stamp(report), lambda: _report_links(campaign, report.is_file()))
+        await keep_current(lambda: stamp(report), lambda: _report_links(campaign, report.is_file()))
         messages = ui.element("div")
         button("Write the report again", lambda: begin(context, folder, messages, "report"), main=not report.is_file())
     with section(
@@ -49,8 +47,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         "To a simulator or a vehicle: written to export/ in the folder of the campaign, listed under Files. Only possible targets are "
         "offered.",
     ):
-        part = ui.element("div")
-        await keep_current(part, lambda: stamp(Store(folder).summary), lambda: ExportForm(context, folder).show())
+        await keep_current(lambda: stamp(Store(folder).summary), lambda: ExportForm(context, folder).show())
     with section("At work"):
         Live(context, folder)
     with section("Files", "Results and exports in the folder of the campaign."):
@@ -59,7 +56,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
             there = context.campaign_paths.files(campaign)
             markup(links_html((link("download", campaign, file=name), name) for name in there))
 
-        await keep_current(ui.element("div"), lambda: context.campaign_paths.files(campaign), files)
+        await keep_current(lambda: context.campaign_paths.files(campaign), files)
 
 
 def _report_links(campaign: str, is_there: bool) -> None:

@@ -39,7 +39,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
         await _currency(context, campaign, folder)
         await _report(context, campaign, folder)
 
-    await keep_current(ui.element("div"), seen, show)
+    await keep_current(seen, show)
 
 
 async def _report(context: AppContext, campaign: str, folder: Path) -> None:

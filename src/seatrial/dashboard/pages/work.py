@@ -55,8 +55,7 @@ async def build(context: AppContext, campaign: str, folder: Path) -> None:
 
 async def made_part(context: AppContext, campaign: str, folder: Path) -> None:
     """Show what the last command wrote, and keep that up to date."""
-    part = ui.element("div")
-    await keep_current(part, lambda: change_of(folder), lambda: _made(folder, campaign, context.jobs.look(folder)))
+    await keep_current(lambda: change_of(folder), lambda: _made(folder, campaign, context.jobs.look(folder)))
 
 
 class CommandForm:
