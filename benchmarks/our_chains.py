@@ -13,7 +13,7 @@ from seatrial.estimation.posterior.mode import Mode
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.estimation.posterior.sample_posterior import spread_starts
 from seatrial.sampling.run import BLOCK, ChainSettings
-from seatrial.sampling.sampler import SAMPLERS, sample
+from seatrial.sampling.sampler import SAMPLERS, advance_chains, sample, start_chains
 
 SMALLER = ((200, 800), (100, 400), (100, 100))
 """Warm-up and draws that are tried, in this order, where the default run takes too long."""
@@ -40,10 +40,10 @@ def fitting(name: str, posterior: Posterior, mode: Mode, longest: float, chains:
     default = ChainSettings() if chains is None else ChainSettings(chains)
     sampler, key = SAMPLERS[name], jax.random.key(0)
     starts = spread_starts(posterior, mode, default.chains, key)
-    run = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
-    run = sampler.advance_chains(posterior, run, key, default)
+    run = start_chains(sampler, posterior, starts, jnp.asarray(mode.cov))
+    run = advance_chains(sampler, posterior, run, key, default)
     start = time.perf_counter()
-    sampler.advance_chains(posterior, run, key, default)
+    advance_chains(sampler, posterior, run, key, default)
     block = time.perf_counter() - start
     sizes = [default, *(replace(default, warmup=warmup, draws=draws) for warmup, draws in SMALLER)]
     return next((size for size in sizes if (size.warmup + size.draws) / BLOCK * block <= longest), sizes[-1])

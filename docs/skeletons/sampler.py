@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
-from seatrial.sampling.run import finish as finish
-from seatrial.sampling.target import Target, log_densities
-from seatrial.sampling.walk import first_log_scale, live_densities, log_ratio_of, mean_acceptance, step_factor
+from seatrial.sampling.run import BLOCK
+from seatrial.sampling.target import Target, evaluate, log_densities
+from seatrial.sampling.walk import first_log_scale, log_ratio_of, mean_acceptance, step_factor
 
 
 class State(NamedTuple):
@@ -35,24 +35,16 @@ class State(NamedTuple):
     factor: Float[Array, "d d"]
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; `cov` is the covariance of a step before scaling."""
     factor = jnp.exp(first_log_scale(target.dim)) * step_factor(cov)
-    return begin(State(starts, live_densities(target, starts), factor))
-
-
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, drawn = _block(target, run.state, key, run.iteration)
-    return keep(run, state, drawn, settings)
+    return State(starts, evaluate(target, np.asarray(starts)), factor)
 
 
 @jax.jit
-def _block(target: Target, state: State, key: jax.Array, start: int):
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """Return the state after a block of iterations and what each drew; this sampler learns nothing while `warmup` lasts."""
+
     def iterate(state: State, t: Array):
         step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
         proposal = state.z + jax.random.normal(step_key, state.z.shape) @ state.factor.T

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 import jax
@@ -18,7 +17,9 @@ from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.report.figures.style import BLUE, INK, MUTED, ORANGE, PURPLE, limit_ticks, thin
 from seatrial.sampling import adaptive_metropolis
 from seatrial.sampling.diagnostics import diagnose, variance_of_mean
-from seatrial.sampling.run import ChainRun, ChainSettings, finish, is_finished
+from seatrial.sampling.names import SamplerName
+from seatrial.sampling.run import ChainSettings, finish, is_finished
+from seatrial.sampling.sampler import SAMPLERS, Sampler, advance_chains, start_chains
 from seatrial.selection.criteria import deviance_criteria, psis_loo, waic
 from studies.remus100.panels import PAGE, TEXT, key, name_axes, panels, symbol, with_unit
 from studies.remus100.study import Study
@@ -54,11 +55,11 @@ class _Sampled(NamedTuple):
     seconds: float
 
 
-def table_3_part(study: Study, sampler: ModuleType) -> xr.Dataset:
+def table_3_part(study: Study, sampler: SamplerName) -> xr.Dataset:
     """M-1 on the trial of a vehicle without the doubted term, by adaptive Metropolis or by Metropolis-Hastings."""
     posterior = paper_posterior(study.reading, [paper_trial(study.reading, None)], None)
-    name = sampler.__name__.rpartition(".")[-1]
-    return _summary(study, posterior, _sample(study, posterior, sampler, f"Table III, {name.replace('_', ' ')}"))
+    title = f"Table III, {sampler.replace('-', ' ')}"
+    return _summary(study, posterior, _sample(study, posterior, SAMPLERS[sampler], title))
 
 
 def table_6_part(study: Study, full: bool) -> xr.Dataset:
@@ -96,12 +97,12 @@ def starts_part(study: Study) -> xr.Dataset:
     report, heights = study.progress("where chains start"), []
     for done, z in enumerate(first.values()):
         report(done, len(first))
-        run = adaptive_metropolis.start_chains(
-            posterior, jnp.tile(z, (settings.chains, 1)), 1e-4 * jnp.eye(posterior.dim)
+        run = start_chains(
+            adaptive_metropolis, posterior, jnp.tile(z, (settings.chains, 1)), 1e-4 * jnp.eye(posterior.dim)
         )
         height = [np.asarray(run.state.log_density)]
         while run.iteration < settings.warmup:
-            run = adaptive_metropolis.advance_chains(posterior, run, study.random_key("starts"), settings)
+            run = advance_chains(adaptive_metropolis, posterior, run, study.random_key("starts"), settings)
             height.append(np.asarray(run.state.log_density))
         heights.append(np.array(height) - mode.log_density)
     report(len(first), len(first))
@@ -159,18 +160,18 @@ def draw_chain(study: Study, data: xr.Dataset) -> "Figure":
     return figure
 
 
-def _sample(study: Study, posterior: Posterior, sampler: ModuleType, title: str) -> _Sampled:
+def _sample(study: Study, posterior: Posterior, sampler: Sampler, title: str) -> _Sampled:
     """Burn in and sample; chain 0 starts at the posterior mode, the others at draws of the normal approximation."""
     sizes = study.sizes
     settings = ChainSettings(sizes.chains, sizes.burn_in, sizes.draws)
     mode_key, start_key, key = jax.random.split(study.random_key(title), 3)
     mode = find_mode(posterior, key=mode_key)
     starts = jax.random.multivariate_normal(start_key, mode.z, mode.cov, (sizes.chains,)).at[0].set(mode.z)
-    run: ChainRun = sampler.start_chains(posterior, starts, jnp.asarray(mode.cov))
+    run = start_chains(sampler, posterior, starts, jnp.asarray(mode.cov))
     report, total = study.progress(f"{title}, {sizes.chains} chains"), sizes.burn_in + sizes.draws
     trace, first, begun = [np.asarray(starts[0])], 0.0, time.perf_counter()
     while not is_finished(run, settings):
-        run = sampler.advance_chains(posterior, run, key, settings)
+        run = advance_chains(sampler, posterior, run, key, settings)
         first = first or time.perf_counter() - begun
         trace.append(np.asarray(run.state.z[0]))
         report(run.iteration, total)

@@ -5,7 +5,6 @@ from functools import partial
 from typing import NamedTuple
 
 from seatrial.core.errors import InputError, nearest
-from seatrial.sampling import adaptive_metropolis, metropolis
 from studies.remus100 import (
     chain_verdicts,
     design_verdicts,
@@ -31,11 +30,11 @@ from studies.remus100.vehicle import vehicle_part
 PARTS: dict[str, Part] = {
     "listing-4": partial(listing_part, table=4),
     "listing-5": partial(listing_part, table=5),
-    "chain-3-metropolis": partial(table_3_part, sampler=metropolis),
+    "chain-3-metropolis": partial(table_3_part, sampler="metropolis"),
     "evidence-4": partial(evidence_part, table=4),
     "evidence-5": partial(evidence_part, table=5),
     "odds": odds_part,
-    "chain-3": partial(table_3_part, sampler=adaptive_metropolis),
+    "chain-3": partial(table_3_part, sampler="adaptive-metropolis"),
     "chain-6-full": partial(table_6_part, full=True),
     "chain-6-reduced": partial(table_6_part, full=False),
     "filters": filters_part,

@@ -7,7 +7,7 @@ from seatrial.estimation.priors import Normal
 from seatrial.sampling import de_metropolis
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.run import ChainSettings
-from seatrial.sampling.sampler import sample
+from seatrial.sampling.sampler import advance_chains, sample, start_chains
 from tests.estimation_cases import posterior
 
 KEY = jax.random.key(3)
@@ -64,10 +64,10 @@ def test_rows_are_three_different_ones_each_equally_often():
 def test_archive_takes_in_the_chains_and_forgets_its_first_rows():
     target = posterior({"a": Normal(0.0, 1.0)}, lambda values, data: 0.0 * values["a"])
     settings = ChainSettings(chains=32, warmup=400, draws=100)
-    run = de_metropolis.start_chains(target, jnp.zeros((32, 1)), 1e4 * jnp.eye(1))
+    run = start_chains(de_metropolis, target, jnp.zeros((32, 1)), 1e4 * jnp.eye(1))
     assert np.asarray(run.state.archive).std() > 50
     for _ in range(4):
-        run = de_metropolis.advance_chains(target, run, KEY, settings)
+        run = advance_chains(de_metropolis, target, run, KEY, settings)
     archive = np.asarray(run.state.archive)
     assert archive.shape == (1024, 1)
     assert archive.std() == pytest.approx(1.0, abs=0.2)

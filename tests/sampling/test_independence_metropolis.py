@@ -8,8 +8,8 @@ from seatrial.estimation.priors import Normal
 from seatrial.sampling import adaptive_metropolis, independence_metropolis
 from seatrial.sampling.diagnostics import diagnose
 from seatrial.sampling.independence_metropolis import MAX_SHARE, MIN_SHARE
-from seatrial.sampling.run import ChainSettings
-from seatrial.sampling.sampler import sample
+from seatrial.sampling.run import ChainSettings, finish
+from seatrial.sampling.sampler import advance_chains, sample, start_chains
 from tests.estimation_cases import linear_gaussian, posterior
 
 KEY = jax.random.key(3)
@@ -17,9 +17,9 @@ KEY = jax.random.key(3)
 
 def run_of(target, settings):
     starts = jax.random.normal(jax.random.key(9), (settings.chains, target.dim))
-    run = independence_metropolis.start_chains(target, starts, jnp.eye(target.dim))
+    run = start_chains(independence_metropolis, target, starts, jnp.eye(target.dim))
     while run.iteration < settings.warmup + settings.draws:
-        run = independence_metropolis.advance_chains(target, run, KEY, settings)
+        run = advance_chains(independence_metropolis, target, run, KEY, settings)
     return run
 
 
@@ -39,7 +39,7 @@ def test_nearly_normal_posterior_takes_fresh_draws_and_forgets_at_once():
     run = run_of(target, settings)
     starts = jax.random.normal(jax.random.key(9), (settings.chains, 2))
     walk = sample(adaptive_metropolis, target, starts, jnp.eye(2), KEY, settings)
-    ours, theirs = (diagnose(draws.z).ess_bulk.min() for draws in (independence_metropolis.finish(run), walk))
+    ours, theirs = (diagnose(draws.z).ess_bulk.min() for draws in (finish(run), walk))
     assert ours > 4 * theirs
     assert 0.6 < float(run.state.fresh) <= MAX_SHARE
 
@@ -57,11 +57,11 @@ def test_two_far_modes_leave_it_to_the_walk_and_jump_all_the_same():
     target = posterior({"a": Normal(0.0, 100.0), "b": Normal(0.0, 100.0)}, two)
     settings = ChainSettings(chains=32, warmup=1000, draws=4000)
     starts = target.unconstrain(jnp.where(jnp.arange(64).reshape(32, 2) % 3 == 0, -6.0, 6.0))
-    run = independence_metropolis.start_chains(target, starts, 0.1 * jnp.eye(2))
+    run = start_chains(independence_metropolis, target, starts, 0.1 * jnp.eye(2))
     while run.iteration < settings.warmup + settings.draws:
-        run = independence_metropolis.advance_chains(target, run, KEY, settings)
+        run = advance_chains(independence_metropolis, target, run, KEY, settings)
     assert MIN_SHARE <= float(run.state.fresh) < 0.4
-    right = np.asarray(target.constrain(jnp.asarray(independence_metropolis.finish(run).z))) > 0
+    right = np.asarray(target.constrain(jnp.asarray(finish(run).z))) > 0
     error = np.sqrt(0.21 / diagnose(right.astype(float)).ess_bulk)
     assert (error < 0.03).all()
     assert right.mean((0, 1)) == pytest.approx(0.7, abs=4 * error.max())
@@ -72,7 +72,7 @@ def test_tails_heavier_than_the_fresh_draws_own():
     """Student's t of 3 degrees of freedom: quantiles, not moments, since the draws' tails are lighter than the target's."""
     target = posterior({"a": Normal(0.0, 100.0)}, lambda values, data: _t3(values["a"]))
     run = run_of(target, ChainSettings(draws=4000))
-    values = np.asarray(target.constrain(jnp.asarray(independence_metropolis.finish(run).z)))
+    values = np.asarray(target.constrain(jnp.asarray(finish(run).z)))
     for share in (0.025, 0.5, 0.975):
         below = (values < stats.t(3).ppf(share)).astype(float)
         error = np.sqrt(share * (1 - share) / diagnose(below).ess_bulk[0])

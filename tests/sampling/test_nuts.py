@@ -9,8 +9,8 @@ from seatrial.sampling import nuts
 from seatrial.sampling import nuts as gradient
 from seatrial.sampling.diagnostics import chain_findings, diagnose
 from seatrial.sampling.nuts import FORWARD_UP_TO, log_density_for_gradients
-from seatrial.sampling.run import ChainSettings, is_finished
-from seatrial.sampling.sampler import sample
+from seatrial.sampling.run import ChainSettings, finish, is_finished
+from seatrial.sampling.sampler import advance_chains, sample, start_chains
 from tests.estimation_cases import THRUST_UNIT, golden_posterior, linear_gaussian, posterior, short_posterior
 from tests.sampling.moments import assert_moments
 
@@ -62,13 +62,13 @@ def test_gradients_that_are_not_finite_count_as_none():
 def test_adaptation_forgets_a_wrong_first_covariance(wrong):
     problem = linear_gaussian(2)
     settings = ChainSettings(chains=32, warmup=500, draws=100)
-    run = nuts.start_chains(problem.posterior, jax.random.normal(KEY, (32, 2)), wrong * jnp.eye(2))
+    run = start_chains(nuts, problem.posterior, jax.random.normal(KEY, (32, 2)), wrong * jnp.eye(2))
     while not is_finished(run, settings):
-        run = nuts.advance_chains(problem.posterior, run, KEY, settings)
+        run = advance_chains(nuts, problem.posterior, run, KEY, settings)
     exact = problem.moments[1] / problem.prior_sd**2
     ratio = np.linalg.eigvals(np.linalg.solve(exact, np.asarray(run.state.inverse_mass))).real
     assert (np.abs(np.log(ratio)) < 0.35).all()
-    assert nuts.finish(run).acceptance == pytest.approx(nuts.TARGET_ACCEPTANCE, abs=0.12)
+    assert finish(run).acceptance == pytest.approx(nuts.TARGET_ACCEPTANCE, abs=0.12)
 
 
 @pytest.mark.proof

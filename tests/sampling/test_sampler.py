@@ -16,11 +16,12 @@ from seatrial.sampling.names import DEFAULT
 from seatrial.sampling.run import (
     ChainSettings,
     arrays_of_run,
+    finish,
     is_finished,
     run_from_arrays,
     unnamed_draws,
 )
-from seatrial.sampling.sampler import SAMPLERS, sample
+from seatrial.sampling.sampler import SAMPLERS, advance_chains, sample, start_chains
 from tests.estimation_cases import linear_gaussian, posterior
 from tests.sampling.moments import assert_moments, grid_moments
 
@@ -99,14 +100,14 @@ def test_box_and_region_of_zero_likelihood_against_quadrature(name):
 def test_run_stored_and_restored_after_every_block_gives_the_same_bits(name, tmp_path):
     target, sampler = linear_gaussian(2).posterior, SAMPLERS[name]
     starts = starts_of(target, SHORT.chains)
-    run, stops = sampler.start_chains(target, starts, 0.1 * jnp.eye(2)), 0
+    run, stops = start_chains(sampler, target, starts, 0.1 * jnp.eye(2)), 0
     while not is_finished(run, SHORT):
         np.savez(tmp_path / "run.npz", **arrays_of_run(run))
         with np.load(tmp_path / "run.npz", allow_pickle=False) as stored:
             run = run_from_arrays(sampler.State, dict(stored))
-        run, stops = sampler.advance_chains(target, run, KEY, SHORT), stops + 1
+        run, stops = advance_chains(sampler, target, run, KEY, SHORT), stops + 1
     assert stops == 4
-    resumed, whole = sampler.finish(run), usual(name)
+    resumed, whole = finish(run), usual(name)
     assert resumed.z.tobytes() == whole.z.tobytes()
     assert resumed.log_density.tobytes() == whole.log_density.tobytes()
     assert (resumed.acceptance, resumed.divergences) == (whole.acceptance, whole.divergences)
@@ -116,12 +117,12 @@ def test_run_stored_and_restored_after_every_block_gives_the_same_bits(name, tmp
 def test_state_is_arrays_only(name):
     """And of the same types after a block, so that one program serves all blocks."""
     target = linear_gaussian(2).posterior
-    run = SAMPLERS[name].start_chains(target, starts_of(target, 32), 0.1 * jnp.eye(2))
+    run = start_chains(SAMPLERS[name], target, starts_of(target, 32), 0.1 * jnp.eye(2))
     assert type(run.state) is SAMPLERS[name].State
     for field in run.state:
         assert isinstance(field, jax.Array)
         assert field.dtype in (jnp.float64, jnp.int64)
-    after = SAMPLERS[name].advance_chains(target, run, KEY, SHORT)
+    after = advance_chains(SAMPLERS[name], target, run, KEY, SHORT)
     assert jax.tree.map(jax.typeof, after.state) == jax.tree.map(jax.typeof, run.state)
 
 
@@ -153,11 +154,11 @@ def test_longer_run_begins_with_the_shorter(name):
 @each
 def test_what_was_learnt_is_frozen_after_warm_up(name):
     target, sampler = linear_gaussian(2).posterior, SAMPLERS[name]
-    run = sampler.start_chains(target, starts_of(target, 32), jnp.eye(2))
+    run = start_chains(sampler, target, starts_of(target, 32), jnp.eye(2))
     moving = {"z", "log_density", "gradient", "divergences", "steps"}
     learnt = []
     while not is_finished(run, SHORT):
-        run = sampler.advance_chains(target, run, KEY, SHORT)
+        run = advance_chains(sampler, target, run, KEY, SHORT)
         learnt.append({k: np.asarray(v) for k, v in run.state._asdict().items() if k not in moving})
     same = [all((one[k] == learnt[-1][k]).all() for k in one) for one in learnt]
     assert same == [False, True, True, True]
@@ -175,10 +176,10 @@ def test_metropolis_tunes_the_scale_of_each_variable():
     target = posterior(
         {"a": Normal(0.0, 1.0), "b": Normal(0.0, 1.0)}, lambda v, data: -0.5 * (v["b"] / 1e-3) ** 2 + 0 * v["a"]
     )
-    run = metropolis.start_chains(target, jnp.zeros((32, 2)), jnp.diag(jnp.array([1e-3, 1.0])))
+    run = start_chains(metropolis, target, jnp.zeros((32, 2)), jnp.diag(jnp.array([1e-3, 1.0])))
     settings = ChainSettings(warmup=1000, draws=100)
     while not is_finished(run, settings):
-        run = metropolis.advance_chains(target, run, KEY, settings)
+        run = advance_chains(metropolis, target, run, KEY, settings)
     assert run.state.cov[0, 1] == 0
     assert np.sqrt(np.diag(run.state.cov)) == pytest.approx([2.4, 2.4e-3], rel=0.15)
 
@@ -198,7 +199,7 @@ def test_adaptive_metropolis_on_a_banana_against_quadrature():
 def test_dead_starts_are_refused(name):
     target = posterior({"a": Uniform(0.0, 1.0)}, lambda values, data: jnp.where(values["a"] < 0.5, 0.0, -jnp.inf), ())
     with pytest.raises(NumericalError, match="1 of 2 chains start outside the support"):
-        SAMPLERS[name].start_chains(target, jnp.array([[-1.0], [1.0]]), jnp.eye(1))
+        start_chains(SAMPLERS[name], target, jnp.array([[-1.0], [1.0]]), jnp.eye(1))
 
 
 @default

@@ -15,18 +15,17 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
-from seatrial.sampling.run import finish as finish
-from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.run import BLOCK
+from seatrial.sampling.target import Target, evaluate, log_densities
 from seatrial.sampling.walk import (
     TARGET_ACCEPTANCE,
     first_log_scale,
     gain_at,
     learn_moments,
-    live_densities,
     log_ratio_of,
     mean_acceptance,
     step_factor,
@@ -35,7 +34,7 @@ from seatrial.sampling.walk import (
 PRIOR_WEIGHT = 100  # Iterations' worth of trust in the first covariance
 
 
-class ChainState(NamedTuple):
+class State(NamedTuple):
     """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
 
     Attributes:
@@ -53,33 +52,16 @@ class ChainState(NamedTuple):
     log_scale: Float[Array, ""]
 
 
-State = ChainState
-
-
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run.
-
-    Args:
-        target: density to sample.
-        starts: one position for each chain, of finite density.
-        cov: first proposal covariance before scaling, for example the Laplace covariance.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
-    log_density = live_densities(target, starts)
-    return begin(ChainState(starts, log_density, starts.mean(0), cov, first_log_scale(target.dim)))
-
-
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
-    return keep(run, state, drawn, settings)
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; `cov` is the first proposal covariance before scaling."""
+    return State(starts, evaluate(target, np.asarray(starts)), starts.mean(0), cov, first_log_scale(target.dim))
 
 
 @program
-def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
-    def iterate(state: ChainState, t: Array):
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """See `Sampler.advance_block`."""
+
+    def iterate(state: State, t: Array):
         chains, d = state.z.shape
         step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
         step = jax.random.normal(step_key, (chains, d)) @ step_factor(state.cov).T
@@ -93,6 +75,6 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         weight = jnp.where(t < warmup, 2.0 / (t + PRIOR_WEIGHT), 0.0)
         mean, cov = learn_moments(state.mean, state.cov, z, weight)
         log_scale = state.log_scale + gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE)
-        return ChainState(z, kept, mean, cov, log_scale), (z, kept, acceptance)
+        return State(z, kept, mean, cov, log_scale), (z, kept, acceptance)
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))

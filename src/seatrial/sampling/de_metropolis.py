@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
-from seatrial.sampling.run import finish as finish
-from seatrial.sampling.target import Target, log_densities
-from seatrial.sampling.walk import live_densities, mean_acceptance
+from seatrial.sampling.run import BLOCK
+from seatrial.sampling.target import Target, evaluate, log_densities
+from seatrial.sampling.walk import mean_acceptance
 
 ROWS = 1024  # Rows of the archive, at least; and at least 32 for each chain
 ARCHIVE_INTERVAL = 10  # Iterations between two entries in the archive
@@ -29,7 +29,7 @@ FULL_STEP = 0.1
 JITTER = 1e-4  # Standard deviation of e, in those of the covariance given at the start: no state is out of reach
 
 
-class ArchiveState(NamedTuple):
+class State(NamedTuple):
     """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
 
     Attributes:
@@ -45,40 +45,22 @@ class ArchiveState(NamedTuple):
     jitter: Float[Array, " d"]
 
 
-State = ArchiveState
-
-
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run; the archive begins as normal draws about the starts.
-
-    Args:
-        target: density to sample.
-        starts: one position for each chain, of finite density.
-        cov: covariance of these draws, for example the Laplace covariance.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
-    log_density = live_densities(target, starts)
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; the archive begins as draws about them, normal and of the covariance `cov`."""
     chains, d = starts.shape
     rows = chains * max(32, -(-ROWS // chains))
     noise = jax.random.normal(jax.random.key(0), (rows, d))
     archive = jnp.tile(starts, (rows // chains, 1)) + noise @ jnp.linalg.cholesky(jnp.asarray(cov)).T
-    return begin(ArchiveState(starts, log_density, archive, JITTER * jnp.sqrt(jnp.diag(cov))))
-
-
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
-    return keep(run, state, drawn, settings)
+    return State(starts, evaluate(target, np.asarray(starts)), archive, JITTER * jnp.sqrt(jnp.diag(cov)))
 
 
 @program
-def _block(target: Target, state: ArchiveState, key: jax.Array, start: int, warmup: int):
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """See `Sampler.advance_block`."""
     chains, d = state.z.shape
     rows = state.archive.shape[0]
 
-    def iterate(state: ArchiveState, t: Array):
+    def iterate(state: State, t: Array):
         row_key, kind_key, step_key, accept_key = jax.random.split(jax.random.fold_in(key, t), 4)
         a, b, c = state.archive[_three_rows(row_key, chains, rows)]
         kind, size = jax.random.uniform(kind_key, (2, chains))

@@ -20,19 +20,18 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, begin, keep
-from seatrial.sampling.run import finish as finish
-from seatrial.sampling.target import Target, log_densities
+from seatrial.sampling.run import BLOCK
+from seatrial.sampling.target import Target, evaluate, log_densities
 from seatrial.sampling.walk import (
     TARGET_ACCEPTANCE,
     first_log_scale,
     gain_at,
     learn_moments,
-    live_densities,
     log_ratio_of,
     mean_acceptance,
     step_factor,
@@ -47,7 +46,7 @@ MIN_FREEDOM = 5
 FIRST_SHARE, MIN_SHARE, MAX_SHARE = 0.5, 0.1, 0.9
 
 
-class IndependenceState(NamedTuple):
+class State(NamedTuple):
     """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
 
     Attributes:
@@ -67,33 +66,17 @@ class IndependenceState(NamedTuple):
     log_scale: Float[Array, ""]
 
 
-State = IndependenceState
-
-
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run.
-
-    Args:
-        target: density to sample.
-        starts: one position for each chain, of finite density.
-        cov: first covariance, for example the Laplace covariance.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
-    log_density, fresh = live_densities(target, starts), FIRST_SHARE
-    return begin(IndependenceState(starts, log_density, starts.mean(0), cov, fresh, first_log_scale(target.dim)))
-
-
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
-    return keep(run, state, drawn, settings)
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; `cov` is the first covariance of fresh draws."""
+    log_density, log_scale = evaluate(target, np.asarray(starts)), first_log_scale(target.dim)
+    return State(starts, log_density, starts.mean(0), cov, FIRST_SHARE, log_scale)
 
 
 @program
-def _block(target: Target, state: IndependenceState, key: jax.Array, start: int, warmup: int):
-    def iterate(state: IndependenceState, t: Array):
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """See `Sampler.advance_block`."""
+
+    def iterate(state: State, t: Array):
         chains, d = state.z.shape
         freedom, factor = _freedom(d), step_factor(state.cov)
         # Every random number of an iteration comes from one array of normal ones: each way to draw is a program of its own to compile.
@@ -114,7 +97,7 @@ def _block(target: Target, state: IndependenceState, key: jax.Array, start: int,
         share = jnp.clip(state.fresh + weight * (acceptance - state.fresh), MIN_SHARE, MAX_SHARE)
         log_scale = state.log_scale + gain_at(t, warmup) * (acceptance - TARGET_ACCEPTANCE)
         learnt = jnp.where(fresh, share, state.fresh), jnp.where(fresh, state.log_scale, log_scale)
-        return IndependenceState(z, kept, mean, cov, *learnt), (z, kept, acceptance)
+        return State(z, kept, mean, cov, *learnt), (z, kept, acceptance)
 
     return jax.lax.scan(iterate, state, start + jnp.arange(BLOCK))
 

@@ -21,35 +21,18 @@ from jaxtyping import Array, Float
 
 from seatrial.compiled.programs import program
 from seatrial.sampling import adaptive_metropolis
-from seatrial.sampling.adaptive_metropolis import ChainState
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, keep
-from seatrial.sampling.run import finish as finish
+from seatrial.sampling.adaptive_metropolis import State as State
+from seatrial.sampling.run import BLOCK
 from seatrial.sampling.target import Target, log_densities
 from seatrial.sampling.walk import gain_at, log_ratio_of, mean_acceptance
 
 TARGET_ACCEPTANCE = 0.44  # Of a proposal in one dimension (Gelman, Roberts and Gilks, Bayesian Statistics 5, 1996)
-State = ChainState
 
 
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run.
-
-    Args:
-        target: density to sample.
-        starts: one position for each chain, of finite density.
-        cov: guess of the posterior covariance, of which only the variances are used.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
-    run = adaptive_metropolis.start_chains(target, starts, cov)
-    return run._replace(state=run.state._replace(cov=jnp.diag(jnp.diag(cov)), log_scale=jnp.zeros(())))
-
-
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    state, drawn = _block(target, run.state, key, run.iteration, settings.warmup)
-    return keep(run, state, drawn, settings)
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; of `cov` only the variances are used."""
+    state = adaptive_metropolis.first_state(target, starts, jnp.diag(jnp.diag(cov)))
+    return state._replace(log_scale=0.0)
 
 
 class _ChainPositions(NamedTuple):
@@ -61,7 +44,8 @@ class _ChainPositions(NamedTuple):
 
 
 @program
-def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup: int):
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """See `Sampler.advance_block`."""
     chains, d = state.z.shape
     even = d + d % 2
 
@@ -84,7 +68,7 @@ def _block(target: Target, state: ChainState, key: jax.Array, start: int, warmup
         second = jnp.where(accepted[:, None], after[1], after[0])
         return decide(at, k, second, jnp.where(accepted, gone, stayed), threshold)[0]
 
-    def iterate(state: ChainState, t: Array):
+    def iterate(state: State, t: Array):
         step_key, accept_key = jax.random.split(jax.random.fold_in(key, t))
         step = jax.random.normal(step_key, (chains, d))
         threshold = jnp.log(jax.random.uniform(accept_key, (chains, d)))

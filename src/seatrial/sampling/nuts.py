@@ -11,8 +11,6 @@ and frozen after warm-up. Chains in step wait for the one whose path is longest.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import blackjax
@@ -26,8 +24,7 @@ from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Bool, Float, Int
 
 from seatrial.compiled.programs import program
-from seatrial.sampling import run as runs
-from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, Draws, begin, keep, refuse_dead_starts
+from seatrial.sampling.run import BLOCK
 from seatrial.sampling.target import Target
 
 # Gradients of a log density: forward through the time loop where the parameters are few, backward where they are many.
@@ -83,7 +80,7 @@ _begin_step, _learn_step, _learnt_step = dual_averaging_adaptation(TARGET_ACCEPT
 _begin_window, _see, _window_covariance = welford_algorithm(False)
 
 
-class NutsState(NamedTuple):
+class State(NamedTuple):
     """Everything the next iteration needs; arrays only, so that it can be stored and resumed.
 
     Attributes:
@@ -111,39 +108,23 @@ class NutsState(NamedTuple):
     steps: Int[Array, ""]
 
 
-State = NutsState
-
-
-def start_chains(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-    """Begin a run.
-
-    Args:
-        target: density to sample.
-        starts: one position for each chain, of finite density.
-        cov: first guess of the posterior covariance, for example the Laplace covariance.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
+def first_state(target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> State:
+    """Return the state at the starts; `cov` is the first guess of the posterior covariance."""
     log_density, gradient = _gradients(target, starts)
-    refuse_dead_starts(log_density)
     step = _begin_step(target.dim**-0.25)
     empty, none = _begin_window(target.dim), jnp.zeros((), int)
     step = jnp.stack(step._replace(log_step_size_avg=step.log_step_size))
     cov = jnp.asarray(cov, float)
-    return begin(NutsState(starts, log_density, gradient, cov, step, empty.mean, empty.m2, none, none, none))
+    return State(starts, log_density, gradient, cov, step, empty.mean, empty.m2, none, none, none)
 
 
-def advance_chains(target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-    """Advance a run by one block of iterations; draws of the warm-up are not kept."""
-    phase = _Phase(*(column[run.iteration : run.iteration + BLOCK] for column in _schedule(settings)))
-    state, drawn = _block(target, run.state, key, run.iteration, phase)
-    return keep(run, state, drawn, settings)
-
-
-def finish(run: ChainRun) -> Draws:
-    """Draws of a finished run, with the number of divergent transitions."""
-    return replace(runs.finish(run), divergences=int(run.state.divergences))
+def advance_block(target: Target, state: State, key: jax.Array, start: int, warmup: int):
+    """See `Sampler.advance_block`."""
+    phase = np.zeros((3, BLOCK), bool)
+    if start < warmup:
+        phase[0] = True
+        phase[1:] = np.asarray(build_schedule(warmup))[start : start + BLOCK].reshape(-1, 2).T
+    return _block(target, state, key, start, _Phase(*phase))
 
 
 class _Phase(NamedTuple):
@@ -154,25 +135,17 @@ class _Phase(NamedTuple):
     ending: Bool[np.ndarray, " n"]
 
 
-@lru_cache(maxsize=8)
-def _schedule(settings: ChainSettings) -> _Phase:
-    phase = np.zeros((3, settings.warmup + settings.draws), bool)
-    phase[0, : settings.warmup] = True
-    phase[1:, : settings.warmup] = np.asarray(build_schedule(settings.warmup)).reshape(-1, 2).T
-    return _Phase(*phase)
-
-
 @program
 def _gradients(target: Target, z: Float[Array, "chains d"]) -> tuple[Array, Array]:
     return jax.vmap(jax.value_and_grad(log_density_for_gradients(target)))(z)
 
 
 @program
-def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: _Phase):
+def _block(target: Target, state: State, key: jax.Array, start: int, phase: _Phase):
     transition = jax.vmap(blackjax.nuts.build_kernel(), in_axes=(0, 0, None, None, None, None))
     log_density = log_density_for_gradients(target)
 
-    def iterate(state: NutsState, now: tuple[Array, _Phase]):
+    def iterate(state: State, now: tuple[Array, _Phase]):
         t, phase = now
         chains = state.z.shape[0]
         step = jnp.exp(jnp.where(phase.warming, state.step[0], state.step[1]))
@@ -195,7 +168,7 @@ def _block(target: Target, state: NutsState, key: jax.Array, start: int, phase: 
     return jax.lax.scan(iterate, state, (start + jnp.arange(BLOCK), phase))
 
 
-def _adapt(state: NutsState, acceptance: Array, phase: _Phase) -> NutsState:
+def _adapt(state: State, acceptance: Array, phase: _Phase) -> State:
     """Learn the step and, in slow windows, the covariance; at a window's end take it over and begin both anew."""
     averaged = _learn_step(DualAveragingAdaptationState(*state.step), acceptance)
     seen = WelfordAlgorithmState(state.window_mean, state.window_squares, state.window_count)

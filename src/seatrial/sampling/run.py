@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from seatrial.core.argument_checks import check_choice, check_count, check_names, check_sequence, shown
 from seatrial.core.errors import InputError, NumericalError
@@ -255,37 +255,19 @@ def unnamed_draws(
 
 
 def begin(state: Any) -> ChainRun:
-    """Begin a run at a state; its arrays get types that no block changes, so that one program serves all blocks."""
-    state = jax.device_put(jax.tree.map(np.asarray, state))
-    chains, d = state.z.shape
-    return ChainRun(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
-
-
-def refuse_dead_starts(log_density: Float[Array, " chains"]) -> None:
-    """Check the log densities where chains start.
+    """Begin a run at a state; its arrays get types that no block changes, so that one program serves all blocks.
 
     Raises:
         NumericalError: a start of zero density.
     """
-    bad = int(np.sum(~np.isfinite(log_density)))
+    bad = int(np.sum(~np.isfinite(state.log_density)))
     if bad:
         raise NumericalError(
-            f"{bad} of {len(log_density)} chains start outside the support, at zero density: start them inside"
+            f"{bad} of {len(state.log_density)} chains start outside the support, at zero density: start them inside"
         )
-
-
-def keep(run: ChainRun, state: Any, drawn: tuple[Array, Array, Array], settings: ChainSettings) -> ChainRun:
-    """Append the positions, log densities and acceptances of one block to a run, thinned, unless it is still warming up."""
-    drawn[-1].block_until_ready()
-    iteration = run.iteration + BLOCK
-    if iteration <= settings.warmup:
-        return run._replace(state=state, iteration=iteration)
-    so_far = (run.z, run.log_density, run.acceptance)
-    kept = [
-        np.concatenate([old, np.asarray(new)[settings.thin - 1 :: settings.thin]])
-        for old, new in zip(so_far, drawn, strict=True)
-    ]
-    return ChainRun(state, iteration, *kept)
+    state = jax.device_put(jax.tree.map(np.asarray, state))
+    chains, d = state.z.shape
+    return ChainRun(state, 0, np.empty((0, chains, d)), np.empty((0, chains)), np.empty(0))
 
 
 def is_finished(run: ChainRun, settings: ChainSettings) -> bool:
@@ -294,8 +276,9 @@ def is_finished(run: ChainRun, settings: ChainSettings) -> bool:
 
 
 def finish(run: ChainRun) -> Draws:
-    """Return the draws of a finished run."""
-    return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()))
+    """Return the draws of a finished run; a sampler whose state counts no divergences has none."""
+    divergences = int(getattr(run.state, "divergences", 0))
+    return unnamed_draws(np.swapaxes(run.z, 0, 1), run.log_density.T, float(run.acceptance.mean()), divergences)
 
 
 def arrays_of_run(run: ChainRun) -> dict[str, np.ndarray]:

@@ -4,18 +4,19 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Protocol, get_args
 
 import jax
+import numpy as np
 from jaxtyping import Array, Float
 
 from seatrial.core.reporter import Progress, no_progress
 from seatrial.sampling.names import SamplerName
-from seatrial.sampling.run import ChainRun, ChainSettings, Draws, is_finished
+from seatrial.sampling.run import BLOCK, ChainRun, ChainSettings, Draws, begin, finish, is_finished
 from seatrial.sampling.target import Target
 
 
 class Sampler(Protocol):
-    """Chains in step that start, advance block by block, and finish.
+    """Chains in step that go on block by block.
 
-    What lies between two blocks is a `Run`, arrays only: stored with `arrays_of_run`, restored with `run_from_arrays` and the
+    What lies between two blocks is a `ChainRun`, arrays only: stored with `arrays_of_run`, restored with `run_from_arrays` and the
     sampler's `State`, it goes on with the same bits.
     """
 
@@ -24,16 +25,12 @@ class Sampler(Protocol):
         """Type of the state inside a run, a NamedTuple of arrays."""
         ...
 
-    def start_chains(self, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> ChainRun:
-        """Begin a run from one position of finite density for each chain and a guess of the covariance."""
+    def first_state(self, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]) -> Any:
+        """Return the state at one position for each chain, with a guess of the covariance."""
         ...
 
-    def advance_chains(self, target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings) -> ChainRun:
-        """Advance a run by one block of iterations; the key is the same for all blocks."""
-        ...
-
-    def finish(self, run: ChainRun) -> Draws:
-        """Return the draws of a finished run."""
+    def advance_block(self, target: Target, state: Any, key: jax.Array, start: int, warmup: int) -> Any:
+        """Return the state after a block of iterations, the first of number `start`, and what each drew: z, log density, acceptance."""
         ...
 
 
@@ -66,6 +63,48 @@ class _Samplers(Mapping[str, Sampler]):
 SAMPLERS = _Samplers()
 
 
+def start_chains(
+    sampler: Sampler, target: Target, starts: Float[Array, "chains d"], cov: Float[Array, "d d"]
+) -> ChainRun:
+    """Begin a run.
+
+    Args:
+        sampler: module of the family.
+        target: density to sample.
+        starts: one position for each chain, of finite density, z, shape (chains, d).
+        cov: guess of the covariance, for example that of the Laplace approximation, shape (d, d).
+
+    Raises:
+        NumericalError: a start of zero density.
+    """
+    return begin(sampler.first_state(target, starts, cov))
+
+
+def advance_chains(
+    sampler: Sampler, target: Target, run: ChainRun, key: jax.Array, settings: ChainSettings
+) -> ChainRun:
+    """Advance a run by one block of iterations, of which the draws are kept, thinned, unless it is still warming up.
+
+    Args:
+        sampler: that began the run.
+        target: density to sample.
+        run: so far.
+        key: random key, the same for all blocks.
+        settings: size of the run.
+    """
+    state, drawn = sampler.advance_block(target, run.state, key, run.iteration, settings.warmup)
+    drawn[-1].block_until_ready()
+    iteration = run.iteration + BLOCK
+    if iteration <= settings.warmup:
+        return run._replace(state=state, iteration=iteration)
+    so_far = (run.z, run.log_density, run.acceptance)
+    kept = [
+        np.concatenate([old, np.asarray(new)[settings.thin - 1 :: settings.thin]])
+        for old, new in zip(so_far, drawn, strict=True)
+    ]
+    return ChainRun(state, iteration, *kept)
+
+
 def sample(
     sampler: Sampler,
     target: Target,
@@ -89,8 +128,8 @@ def sample(
     Raises:
         NumericalError: a start of zero density.
     """
-    run = sampler.start_chains(target, starts, cov)
+    run = start_chains(sampler, target, starts, cov)
     while not is_finished(run, settings):
-        run = sampler.advance_chains(target, run, key, settings)
+        run = advance_chains(sampler, target, run, key, settings)
         progress(run.iteration, settings.warmup + settings.draws)
-    return sampler.finish(run)
+    return finish(run)

@@ -1,24 +1,10 @@
-"""What walking samplers share: live starts, the decision on a proposal, and what all chains together learn in warm-up."""
+"""What walking samplers share: the decision on a proposal, and what all chains together learn in warm-up."""
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from seatrial.sampling.run import refuse_dead_starts
-from seatrial.sampling.target import Target, evaluate
-
 TARGET_ACCEPTANCE = 0.234  # Of a step in many dimensions (Roberts, Gelman and Gilks, Ann. Appl. Probab. 7, 1997).
-
-
-def live_densities(target: Target, starts: Float[Array, "chains d"]) -> Float[np.ndarray, " chains"]:
-    """Return the log densities where chains start.
-
-    Raises:
-        NumericalError: a start of zero density.
-    """
-    log_density = evaluate(target, np.asarray(starts))
-    refuse_dead_starts(log_density)
-    return log_density
 
 
 def first_log_scale(dim: int) -> float:

@@ -51,9 +51,10 @@ from seatrial.sampling.run import (
     ChainSettings,
     Draws,
     arrays_of_run,
+    finish,
     run_from_arrays,
 )
-from seatrial.sampling.sampler import SAMPLERS, Sampler
+from seatrial.sampling.sampler import SAMPLERS, advance_chains, start_chains
 from seatrial.sampling.target import Target
 from seatrial.selection.structures import Structure
 
@@ -173,15 +174,15 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     if item.run is None:
         further = [uncoupled_mode(target, one) for one in item.modes[1:] if isinstance(one, Mode)]
         starts = spread_starts(target, there, settings.chains, fold_in(draw_key, 2**31), further)
-        run = sampler.start_chains(target, starts, there.cov)
+        run = start_chains(sampler, target, starts, there.cov)
     else:
         run = run_from_arrays(sampler.State, item.run)
-    while (enough := _enough(target, sampler, run, table)) is None:
+    while (enough := _enough(target, run, table)) is None:
         total = next(end for length in table.lengths if (end := table.warmup + length) > run.iteration)
         report(
             run.iteration, total
         )  # before each block: whether chains that are as long as asked for go on is not known yet
-        run = sampler.advance_chains(target, run, draw_key, settings)
+        run = advance_chains(sampler, target, run, draw_key, settings)
         if run.iteration // BLOCK % CHECKPOINT_EVERY == 0 and run.iteration < total:
             return _Unended(structure, item.modes, arrays_of_run(run), run.iteration, total)
     doubts = long_steps(posterior, mode, study.records)
@@ -191,14 +192,12 @@ def _advance(study: Study, item: _Begun | _Unended, report: Progress) -> _Ended 
     return _Ended(_estimate(structure, posterior, mode, budget, stated, missing, *enough, campaign.hull.trim, doubts))
 
 
-def _enough(
-    target: Target, sampler: Sampler, run: ChainRun, table: EstimationTable
-) -> tuple[Draws, ChainHealth] | None:
+def _enough(target: Target, run: ChainRun, table: EstimationTable) -> tuple[Draws, ChainHealth] | None:
     """Return the draws of chains that need no more: they are as many as asked for, or twice, and agree, or four times; else None."""
     made = run.iteration - table.warmup
     if made not in table.lengths:
         return None
-    draws = in_posterior(target, sampler.finish(run))
+    draws = in_posterior(target, finish(run))
     health = diagnose(draws.values)
     return None if made < table.lengths[-1] and asks_for_more(health) else (draws, health)
 
