@@ -11,7 +11,7 @@ from filterpy.kalman import UnscentedKalmanFilter as PeerFilter
 
 from seatrial.filters.belief import Masked, whiten
 from seatrial.filters.extended import ExtendedKalmanFilter
-from seatrial.filters.run import run_filter, summarise_filter
+from seatrial.filters.run import filter_within, run_filter
 from seatrial.filters.square_root import LargeUnscentedKalmanFilter, SquareRootUnscentedKalmanFilter
 from seatrial.filters.unscented import UnscentedKalmanFilter
 from seatrial.numerics.sigma_points import UnscentedRule
@@ -101,7 +101,7 @@ def test_equals_filterpy():
 @pytest.mark.parametrize("name", ["extended", "unscented, symmetric"])
 def test_one_summary_equals_its_lane_of_a_batch_of_traces(name, gaps):
     trace = lane(traces(name), gaps)
-    summary = summarise_filter(METHODS[name][0], surge_space(), CONTROL, GAPS[gaps](COMPLETE), STEP)
+    summary = filter_within(METHODS[name][0], surge_space(), CONTROL, GAPS[gaps](COMPLETE), STEP)
     assert int(summary.failures) == 0
     assert np.allclose(summary.final.mean, trace.final.mean, rtol=1e-10)
     assert np.allclose(summary.final.cov, trace.final.cov, rtol=1e-8, atol=1e-13)

@@ -25,7 +25,7 @@ from seatrial.design.sweep import in_blocks
 from seatrial.design.trial_design import Beside
 from seatrial.design.trial_plan import TrialPlan
 from seatrial.filters.belief import Filter
-from seatrial.filters.run import summarise_filter
+from seatrial.filters.run import filter_within
 from seatrial.filters.square_root import unscented_filter
 from seatrial.manoeuvres.manoeuvre import Limits, Manoeuvre
 from seatrial.manoeuvres.relay import RelayFamily, oscillation, replay, run_relay
@@ -171,7 +171,7 @@ def _predict(
     def one(amplitude: Array, threshold: Array):
         run = run_relay(space, family, amplitude, threshold, start, error)
         step = jnp.full(run.control.shape[0], family.sample_time)
-        summary = summarise_filter(method, space, run.control, run.outputs + gaps, step)
+        summary = filter_within(method, space, run.control, run.outputs + gaps, step)
         gain = entropy_reduction(space.initial, summary.final, space.n_dynamic)
         peak = jnp.max(jnp.abs(run.state[:, 0]))
         return gain, peak, summary.final.sd[space.n_dynamic :], run.switches, run.reached, summary.failures

@@ -37,23 +37,23 @@ class CovarianceTriangle:
     """The lower triangle of the covariance, as scalars."""
 
     def begin(self, initial: Gaussian) -> FilterState:
-        """See `Form.begin`."""
+        """See `StateForm.begin`."""
         return FilterState(tuple(initial.mean), to_triangle(initial.chol_cov @ initial.chol_cov.T))
 
     def end(self, belief: FilterState) -> Gaussian:
-        """See `Form.end`."""
+        """See `StateForm.end`."""
         return Gaussian(jnp.stack(belief.mean), to_matrix(cholesky(belief.spread)))
 
     def means(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.means`."""
+        """See `StateForm.means`."""
         return belief.mean
 
     def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.sds`."""
+        """See `StateForm.sds`."""
         return tuple(jnp.sqrt(row[-1]) for row in belief.spread)
 
     def positive(self, belief: FilterState) -> Scalar:
-        """See `Form.positive`."""
+        """See `StateForm.positive`."""
         return _positive(jnp.stack([row[-1] for row in belief.spread]))
 
 
@@ -61,15 +61,15 @@ class FactorTriangle(CovarianceTriangle):
     """The Cholesky factor of the covariance, as scalars."""
 
     def begin(self, initial: Gaussian) -> FilterState:
-        """See `Form.begin`."""
+        """See `StateForm.begin`."""
         return FilterState(tuple(initial.mean), to_triangle(initial.chol_cov))
 
     def end(self, belief: FilterState) -> Gaussian:
-        """See `Form.end`."""
+        """See `StateForm.end`."""
         return Gaussian(jnp.stack(belief.mean), to_matrix(belief.spread))
 
     def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.sds`."""
+        """See `StateForm.sds`."""
         return tuple(jnp.sqrt(sum(x * x for x in row)) for row in belief.spread)
 
 
@@ -77,48 +77,40 @@ class CovarianceArray:
     """The mean, shape (n,), and the covariance, shape (n, n), as arrays."""
 
     def begin(self, initial: Gaussian) -> FilterState:
-        """See `Form.begin`."""
+        """See `StateForm.begin`."""
         return FilterState(initial.mean, initial.chol_cov @ initial.chol_cov.T)
 
     def end(self, belief: FilterState) -> Gaussian:
-        """See `Form.end`."""
+        """See `StateForm.end`."""
         return Gaussian(belief.mean, cholesky_of_array(belief.spread))
 
     def means(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.means`."""
+        """See `StateForm.means`."""
         return tuple(belief.mean)
 
     def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.sds`."""
+        """See `StateForm.sds`."""
         return tuple(jnp.sqrt(jnp.diag(belief.spread)))
 
     def positive(self, belief: FilterState) -> Scalar:
-        """See `Form.positive`."""
+        """See `StateForm.positive`."""
         return _positive(jnp.diag(belief.spread))
 
 
-class FactorArray:
+class FactorArray(CovarianceArray):
     """The mean, shape (n,), and the Cholesky factor of the covariance, shape (n, n), as arrays."""
 
     def begin(self, initial: Gaussian) -> FilterState:
-        """See `Form.begin`."""
+        """See `StateForm.begin`."""
         return FilterState(initial.mean, initial.chol_cov)
 
     def end(self, belief: FilterState) -> Gaussian:
-        """See `Form.end`."""
+        """See `StateForm.end`."""
         return Gaussian(belief.mean, belief.spread)
 
-    def means(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.means`."""
-        return tuple(belief.mean)
-
     def sds(self, belief: FilterState) -> tuple[Scalar, ...]:
-        """See `Form.sds`."""
+        """See `StateForm.sds`."""
         return tuple(jnp.sqrt((belief.spread**2).sum(1)))
-
-    def positive(self, belief: FilterState) -> Scalar:
-        """See `Form.positive`."""
-        return _positive(jnp.diag(belief.spread))
 
 
 def _positive(values: Any) -> Scalar:

@@ -64,18 +64,7 @@ def run_filter(
         measurement: NaN if a channel was not measured.
         step: time from each sample to the next, s; the last entry is not used.
     """
-    return _runner(method, True)(space, control, measurement, step)
-
-
-def summarise_filter(
-    method: Filter,
-    space: StateSpace,
-    control: Float[Array, "n n_controls"],
-    measurement: Float[Array, "n m"],
-    step: Float[Array, " n"],
-) -> FilterSummary:
-    """Run a filter and keep only the total log-likelihood and the final belief; arguments as `run_filter`."""
-    return _runner(method, False)(space, control, measurement, step)
+    return _runner(method)(space, control, measurement, step)
 
 
 def filter_within(
@@ -86,24 +75,20 @@ def filter_within(
     step: Float[Array, " n"],
     growth: Float[Array, " n"] | None = None,
 ) -> FilterSummary:
-    """Filter as `summarise_filter`, inside a function that is being compiled: the space's functions may hold its variables.
+    """Filter inside a function that is being compiled, of which the space's functions may hold variables; keep the end alone.
 
     Args:
-        method: filter.
-        space: state space.
-        control: control held from each sample to the next, SI.
-        measurement: NaN if a channel was not measured.
-        step: time from each sample to the next, s.
+        method: as of `run_filter`, like `space`, `control`, `measurement` and `step`.
         growth: factor of `process_sd` over each step; None for 1.
     """
     return _pass(method, False, space, control, measurement, step, growth)
 
 
 @lru_cache(maxsize=64)
-def _runner(method: Filter, keep_trace: bool):
+def _runner(method: Filter):
     @program
     def run(space: StateSpace, control: Array, measurement: Array, step: Array):
-        return _pass(method, keep_trace, space, control, measurement, step, None)
+        return _pass(method, True, space, control, measurement, step, None)
 
     return run
 

@@ -11,23 +11,17 @@ What it cannot see: a mode the draws never visited, and the density at 0 if no d
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-import scipy
 from jaxtyping import Float
-from scipy.special import gammaln
 
 from seatrial.core.errors import InputError, NumericalError, nearest
 from seatrial.estimation.posterior.posterior import Posterior
 from seatrial.sampling.diagnostics import load_array_stats
 
-Shape = Literal["kernel", "normal", "t"]
 MIN_NEAR_DRAWS = 100.0  # Effective draws about the value below which its density is an extrapolation
 MIN_BLOCKS = 20  # Stretches of the chains, at least, whose scatter gives the error
-MAX_MISFIT = 3.0  # Difference of a fitted curve from the kernel estimate, in joint errors, that chance does not explain
-NEGLIGIBLE_DIFFERENCE = 0.1  # Difference, nats, that does not matter
-_LOG_FREEDOM = (float(np.log(2.0)), float(np.log(1000.0)))
 
 
 @dataclass(frozen=True)
@@ -55,7 +49,6 @@ def savage_dickey(
     draws: Float[np.ndarray, "chains draws d"],
     *,
     at: float = 0.0,
-    shape: Shape = "kernel",
 ) -> BayesFactor:
     """Bayes factor of a parameter being free over its being `at`.
 
@@ -64,7 +57,6 @@ def savage_dickey(
         name: its parameter.
         draws: converged chains of z, warm-up dropped.
         at: value that stands for the term's absence.
-        shape: estimate of the posterior density: kernel, or a fitted normal or Student's t, which is checked by the kernel.
 
     Raises:
         InputError: no such parameter, a value not inside its prior, or fewer than 1000 draws.
@@ -104,21 +96,12 @@ def savage_dickey(
     width = 2.34 * sd * ess**-0.2
     near = float(np.mean(np.abs(z - z0) < width)) * ess
     status = _tail(name, at, away, near)
-    kernel = _kernel(z, z0, width) if near > 0 else None
-    if shape != "kernel":
-        log_density, error = _jackknife(_FITS[shape](z0), z)
-        if kernel is not None and not status:
-            joint = float(np.hypot(error, kernel[1]))
-            gap = abs(log_density - kernel[0])
-            if gap > max(MAX_MISFIT * joint, NEGLIGIBLE_DIFFERENCE):
-                status = f"the draws of {name} are not of this shape: a kernel differs by {gap:.2f} nats, use it"
-    elif kernel is None:
+    if not near > 0:
         raise NumericalError(status)
-    else:
-        log_density, error = kernel
+    log_density, error = _kernel(z, z0, width)
     diagnostics = {"near": near, "ess": ess, "distance": away, "log_density": log_density}
     value = float(prior.log_density(z0)) - log_density
-    return BayesFactor(value, error, f"Savage-Dickey ratio, {shape}", diagnostics, status)
+    return BayesFactor(value, error, "Savage-Dickey ratio, kernel", diagnostics, status)
 
 
 def _kernel(z: np.ndarray, z0: float, width: float) -> tuple[float, float]:
@@ -137,38 +120,6 @@ def _guided(x: np.ndarray, z0: float, width: float) -> float:
         return -np.inf
     weight = 0.75 * (1.0 - ((close - z0) / width) ** 2) / width
     return float(np.log(np.sum(weight * np.exp(0.5 * (((close - mean) / sd) ** 2 - ((z0 - mean) / sd) ** 2))) / x.size))
-
-
-def _normal(z0: float) -> Callable[[np.ndarray], float]:
-    return lambda x: float(scipy.stats.norm.logpdf(z0, x.mean(), x.std()))
-
-
-def _student(z0: float) -> Callable[[np.ndarray], float]:
-    """Location, scale and degrees of freedom, from 2 to 1000, of greatest likelihood."""
-
-    def log_density(x: np.ndarray) -> float:
-        start, sd = x.mean(), x.std()
-        scaled = (x - start) / sd
-
-        def loss(p: np.ndarray) -> float:
-            return -_log_t(scaled, *p).mean()
-
-        fitted = scipy.optimize.minimize(
-            loss, [0.0, -0.1, np.log(10.0)], method="L-BFGS-B", bounds=[(-3, 3), (-3, 1), _LOG_FREEDOM]
-        ).x
-        return float(_log_t((z0 - start) / sd, *fitted) - np.log(sd))
-
-    return log_density
-
-
-def _log_t(x: Any, centre: float, log_scale: float, log_freedom: float) -> Any:
-    freedom = np.exp(log_freedom)
-    square = ((x - centre) / np.exp(log_scale)) ** 2
-    constant = gammaln(0.5 * (freedom + 1)) - gammaln(0.5 * freedom) - 0.5 * np.log(np.pi * freedom) - log_scale
-    return constant - 0.5 * (freedom + 1) * np.log1p(square / freedom)
-
-
-_FITS = {"normal": _normal, "t": _student}
 
 
 def _jackknife(estimate: Callable[[np.ndarray], float], z: np.ndarray) -> tuple[float, float]:
