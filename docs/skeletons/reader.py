@@ -7,16 +7,9 @@ a few thousand rows. Whatever it raises on a damaged log becomes an error for th
 from collections.abc import Iterator
 from pathlib import Path
 
-from seatrial.logs.formats.protocol import (
-    BLOCK_ROWS,
-    Block,
-    ColumnInfo,
-    Columns,
-    LogFile,
-    LogFormat,
-    TableInfo,
-    Wanted,
-)
+import numpy as np
+
+from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat, TableInfo, Wanted, in_blocks
 
 TABLE, CLOCK = "pairs", "t"
 _NAN = float("nan")
@@ -36,14 +29,11 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     """The wanted columns as a stream; NaN where a value is missing."""
-    table = Columns(TABLE, dict.fromkeys(wanted[TABLE], "d"))
-    for pairs in _lines(log):
-        for name, buffer in table.buffers.items():
-            buffer.append(pairs.get(name, _NAN))
-        if table.rows >= BLOCK_ROWS:
-            yield table.block(0.5)
-    if table.rows:
-        yield table.block(1.0)
+
+    def block(table: str, rows: list[dict[str, float]], done: float) -> Block:
+        return Block(table, {name: np.array([pairs.get(name, _NAN) for pairs in rows]) for name in wanted[table]}, done)
+
+    return in_blocks(((TABLE, pairs, 0.5) for pairs in _lines(log)), block)
 
 
 def _lines(log: LogFile) -> Iterator[dict[str, float]]:

@@ -46,7 +46,7 @@ def test_columns_come_back_exactly(written):
     assert first.columns.keys() == {written.rpm}
 
 
-MODULES = ("mcap_json", "moos", "parquet", "protocol", "ros_messages", "telemetry", "ulog")
+MODULES = ("matlab", "moos", "netcdf", "npz", "parquet", "protocol", "ros_messages", "ulog")
 
 
 def test_many_blocks_are_one_table(written, monkeypatch):

@@ -96,9 +96,7 @@ def _bytes_of(jaxpr: Any) -> int:
     for equation in jaxpr.eqns:
         inner = list(_inner(equation.params.values()))
         if not inner or equation.primitive.name == "scan":  # other wrappers hand on what is made inside them
-            total += sum(
-                out.aval.size * out.aval.dtype.itemsize for out in equation.outvars if hasattr(out.aval, "size")
-            )
+            total += sum(_size(out.aval) for out in equation.outvars if hasattr(out.aval, "size"))
         total += sum(map(_bytes_of, inner))
     return total
 

@@ -46,14 +46,15 @@ def configure(cache: bool = True) -> None:
     """
     global _is_prepared, _keeps_programs
     started = _has_computed()
-    if started and not _fuses_time_loops(os.environ.get("XLA_FLAGS", "")):
+    flags = os.environ.get("XLA_FLAGS", "")
+    fuses_time_loops = _BACKEND_OPTIONS in flags
+    if started and not fuses_time_loops:
         warnings.warn(
             f"JAX has started without XLA's option for time loops: simulations take 3 to 20 times longer; {_REMEDY}",
             EngineWarning,
             stacklevel=2,
         )
-    flags = os.environ.get("XLA_FLAGS", "")
-    if not _fuses_time_loops(flags):
+    if not fuses_time_loops:
         flags = f"{flags} {_BACKEND_OPTIONS}={_LOOP_OPTION}=1000000000".strip()
     os.environ["XLA_FLAGS"] = flags if _VECTOR_WIDTH in flags else f"{flags} {_VECTOR_WIDTH}=256"
     os.environ.setdefault("JAX_ENABLE_X64", "1")
@@ -178,10 +179,6 @@ def _has_computed() -> bool:
         return True
     jax.config.update("jax_num_cpu_devices", kept)
     return False
-
-
-def _fuses_time_loops(flags: str) -> bool:
-    return _BACKEND_OPTIONS in flags
 
 
 def _keep_compiled(jax: Any, started: bool) -> None:

@@ -199,8 +199,7 @@ def read(folder: Path, key: str) -> bytes | None:
         raise Unusable(f"{folder} cannot be read ({cause.strerror})") from cause
     head = len(_MAGIC) + 32
     if content[:head] != _MAGIC + _checksum(key, content[head:]):
-        with suppress(OSError):
-            (folder / key).unlink()
+        discard(folder, key)
         raise Unusable(f"{folder / key} is damaged")
     return content[head:]
 

@@ -154,7 +154,6 @@ def check_numbers(
     place: str,
     *,
     known: Collection[str] | None = None,
-    least: float = -inf,
     above: float = -inf,
     remedy: str = 'write for example {"u": 1.5}',
 ) -> dict[str, float]:
@@ -164,7 +163,6 @@ def check_numbers(
         values: the input; None counts as nothing.
         place: of it, for the error.
         known: allowed names; any if None.
-        least: see `check_number`.
         above: see `check_number`.
         remedy: for a value that is no mapping.
 
@@ -174,7 +172,7 @@ def check_numbers(
     given = check_mapping({} if values is None else values, place, remedy)
     if known is not None:
         check_known(given, known, place)
-    return {name: check_number(value, f'{place}["{name}"]', least=least, above=above) for name, value in given.items()}
+    return {name: check_number(value, f'{place}["{name}"]', above=above) for name, value in given.items()}
 
 
 def check_known(names: Iterable[str], known: Collection[str], place: str) -> None:

@@ -3,7 +3,7 @@
 Whatever is not here is asked of `to_xarray`, so that to those who evaluate results in Python these are xarray's.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import wraps
 from inspect import ismethod
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
@@ -59,9 +59,7 @@ class Dataset:
         if isinstance(dataset, cls):
             return dataset
         parts = {str(name): (one.dims, one.values, one.attrs) for name, one in dataset.variables.items()}
-        coords = {str(name) for name in dataset.coords}
-        data = {name: one for name, one in parts.items() if name not in coords}
-        return cls(data, {name: parts[name] for name in parts if name in coords}, {**dataset.attrs})
+        return cls(*_parted(parts, set(map(str, dataset.coords))), {**dataset.attrs})
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -133,13 +131,10 @@ class Dataset:
         """Return the same as xarray's."""
         import xarray
 
-        coords = {name: self.variables[name] for name in self.variables if name in self.coordinates}
-        data = {name: one for name, one in self.variables.items() if name not in coords}
-        return xarray.Dataset(data, coords, self.attrs)
+        return xarray.Dataset(*_parted(self.variables, self.coordinates), self.attrs)
 
     def _with(self, variables: Mapping[str, Variable], attrs: Mapping[str, Any]) -> "Dataset":
-        data = {name: one for name, one in variables.items() if name not in self.coordinates}
-        return Dataset(data, {name: variables[name] for name in variables if name in self.coordinates}, attrs)
+        return Dataset(*_parted(variables, self.coordinates), attrs)
 
 
 class DataColumn(NDArrayOperatorsMixin):
@@ -194,6 +189,12 @@ class DataColumn(NDArrayOperatorsMixin):
         if name.startswith("_"):
             raise AttributeError(name)
         return _asked(self.to_xarray(), name)
+
+
+def _parted(variables: Mapping[str, Any], coordinates: Collection[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the variables that are no coordinates, and those that are."""
+    data = {name: one for name, one in variables.items() if name not in coordinates}
+    return data, {name: one for name, one in variables.items() if name in coordinates}
 
 
 def _asked(of: Any, name: str) -> Any:

@@ -9,7 +9,6 @@ import json
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ import numpy as np
 
 from seatrial.core.dataset import Dataset, Variable
 from seatrial.core.errors import InputError
-from seatrial.core.files import atomic_path, depend_on
+from seatrial.core.files import atomic_path, depend_on, kept_per_file
 
 if TYPE_CHECKING:
     import h5py
@@ -88,9 +87,8 @@ def stored(path: Path) -> "Iterator[h5py.File]":
             if path.is_dir()
             else "run the step that writes it",
         )
-    about = path.stat()
     with _sound(path):
-        if _is_changed(path, about.st_size, about.st_mtime_ns):
+        if _is_changed(path):
             raise _changed(path)
         import h5py  # an answer that is given again reads no dataset
 
@@ -149,10 +147,10 @@ def _changed(path: Path) -> InputError:
     )
 
 
-@lru_cache(maxsize=512)
-def _is_changed(path: Path, size: int, at: int) -> bool:
+@kept_per_file(512)
+def _is_changed(path: Path) -> bool:
     """Whether the bytes are others than those that were written, as far as they tell; asked once while a file stays as it is."""
-    del at  # part of the key only
+    size = path.stat().st_size
     with path.open("rb") as stream:
         stream.seek(max(size - _TAIL, 0))
         tail = stream.read()

@@ -81,8 +81,5 @@ def shown_unit(signal: str) -> tuple[float, str]:
     if signal == "n":
         return 30 / pi, "rpm"
     unit = signal_unit(signal)
-    return (
-        _SHOWN_UNITS.get(unit, (1.0, unit))
-        if signal in (*SIGNALS, *GAUGE_CHANNELS) or signal[:2] == "f_"
-        else (1.0, unit)
-    )
+    is_named = signal in (*SIGNALS, *GAUGE_CHANNELS) or signal[:2] == "f_"
+    return _SHOWN_UNITS.get(unit, (1.0, unit)) if is_named else (1.0, unit)

@@ -15,11 +15,12 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache, wraps
 from io import FileIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from seatrial.core.errors import InputError
 
@@ -27,6 +28,8 @@ try:
     import fcntl
 except ImportError:
     fcntl = None
+
+Answer = TypeVar("Answer")
 
 _TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 _UNFINISHED: set[Path] = set()  # Temporary files being written in this process
@@ -64,6 +67,16 @@ def look_of(path: Path) -> Look:
     except (OSError, ValueError):
         return None
     return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def kept_per_file(answers: int) -> Callable[[Callable[..., Answer]], Callable[..., Answer]]:
+    """Decorate a function of a path, and of what can be hashed: that many answers are kept, each while the file stays as it is."""
+
+    def decorate(function: Callable[..., Answer]) -> Callable[..., Answer]:
+        kept = lru_cache(maxsize=answers)(lambda look, *about: function(*about))
+        return wraps(function)(lambda path, *about: kept(look_of(path), path, *about))
+
+    return decorate
 
 
 @contextmanager

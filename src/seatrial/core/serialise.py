@@ -74,9 +74,8 @@ def to_dataset(result: Any) -> Dataset:
             attrs[field.name] = value
         else:
             attrs[field.name] = json.dumps(to_plain(value, hint))
-    kept = body.variables.items()
-    variables |= {name: tuple(one) for name, one in kept if name not in body.coordinates}
-    coords |= {name: tuple(one) for name, one in kept if name in body.coordinates}
+    for name, one in body.variables.items():
+        (coords if name in body.coordinates else variables)[name] = tuple(one)
     return Dataset(variables, coords, {**body.attrs, **attrs})
 
 

@@ -17,7 +17,7 @@ from seatrial.core.errors import InputError, nearest
 from seatrial.core.files import sha256_of_json
 from seatrial.core.record import Channel, Provenance, Record, Role, make_record
 from seatrial.core.signals import ANGLES
-from seatrial.logs.source import LogTable
+from seatrial.logs.source import LogTable, given_twice
 from seatrial.logs.time_stamps import hole_from, unit_doubt
 from seatrial.numerics.integrate import held_mean
 
@@ -223,12 +223,7 @@ def _tracks(
             if wanted is not None and channel.name not in wanted:
                 continue
             if channel.name in tracks:
-                raise InputError(
-                    f'{table.place}, channel "{channel.name}"',
-                    found=f"a channel that {tracks[channel.name].source} gives too",
-                    expected="one source for each channel",
-                    remedy="drop it from one of the maps",
-                )
+                raise given_twice(table.place, channel.name, tracks[channel.name].source)
             known = np.isfinite(table.columns[channel.name])
             if not known.any():
                 raise InputError(

@@ -10,7 +10,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.record import Channel, Role
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, SPECIFIC_FORCE
 from seatrial.logs.axes import complete
-from seatrial.logs.source import LogTable
+from seatrial.logs.source import LogTable, given_twice
 from seatrial.numerics.rotations import angles_of_quaternion, matrix_of_angles, quaternion_of_angles
 
 # Doubts about an attitude: a heading that turns otherwise than the yaw rate says, or too far from sample to sample.
@@ -233,7 +233,8 @@ def to_body(tables: Sequence[LogTable], roles: Mapping[str, Role]) -> list[LogTa
     keeps_quaternion = set(QUATERNION) <= set(roles)
     with_angles = [_with_angles(table, keeps_quaternion) for table in tables]
     for angle in ANGLES:
-        _once(angle, [table.place for table in with_angles if angle in table.columns])
+        if len(places := [table.place for table in with_angles if angle in table.columns]) > 1:
+            raise given_twice(places[-1], angle, places[0])
     check_specific_force(with_angles)
     gyro = doubts_of_gyro(with_angles)
     with_angles = [
@@ -280,16 +281,6 @@ def _with_quaternion(table: LogTable, parts: Float[np.ndarray, "4 n"] | None = N
     return _exchange(
         table, (), dict(zip(QUATERNION, parts, strict=True)), "1", "the sign of the quaternion does not jump"
     )
-
-
-def _once(angle: str, sources: Sequence[str]) -> None:
-    if len(sources) > 1:
-        raise InputError(
-            f'{sources[-1]}, channel "{angle}"',
-            found=f"a channel that {sources[0]} gives too",
-            expected="one source for each channel",
-            remedy="drop it from one of the maps",
-        )
 
 
 def _with_body_velocities(table: LogTable, tables: Sequence[LogTable]) -> LogTable:

@@ -1,12 +1,12 @@
 """How far the clocks of two logs differ: the shift at which something that both recorded correlates best."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from decimal import Decimal
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from seatrial.core.errors import InputError
 from seatrial.core.units import to_si
@@ -15,7 +15,7 @@ from seatrial.logs.formats.registry import format_of
 from seatrial.logs.guess import Guess
 from seatrial.logs.log_table import read_stamped
 from seatrial.logs.source import LogSource
-from seatrial.logs.summary import ClockSummary, TableSummary
+from seatrial.logs.summary import TableSummary
 
 MAX_STEPS = 1 << 17  # Steps of the grid on which the longer of two curves is compared, at most
 MIN_OVERLAP = 0.5  # Share of the shorter curve that has to lie on the other
@@ -83,13 +83,8 @@ def shift_between(first: Samples, second: Samples) -> ClockShift:
         )
     size = np.nan_to_num(np.abs(correlation), nan=-1.0)
     best = int(np.argmax(size))
-    part = 0.0
-    if 0 < best < size.size - 1:
-        before, here, after = size[best - 1 : best + 2]
-        bend = before - 2 * here + after
-        part = (
-            float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0 and before >= 0 and after >= 0 else 0.0
-        )
+    around = size[max(best - 1, 0) : best + 2]
+    part = vertex(around) if around.min() >= 0 else 0.0
     before, after = np.append(-np.inf, size[:-1]), np.append(size[1:], -np.inf)
     peaks = (size >= before) & (size > after) & (size > RIVAL_SHARE * size[best])
     peaks[best] = False
@@ -149,18 +144,29 @@ def _correlations(
     count = stop - start
     size = 1 << int(np.ceil(np.log2(a.size + b.size)))
     product = np.fft.irfft(np.fft.rfft(a, size) * np.conj(np.fft.rfft(b, size)), size)[lag]
-
-    def sums(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        once, squared = (np.concatenate([[0.0], np.cumsum(values**power)]) for power in (1, 2))
-        return once[last] - once[first], squared[last] - squared[first]
-
-    (sum_a, square_a), (sum_b, square_b) = sums(a, start, stop), sums(b, start - lag, stop - lag)
+    sum_a, square_a = (sums_between(values, start, stop) for values in (a, a**2))
+    sum_b, square_b = (sums_between(values, start - lag, stop - lag) for values in (b, b**2))
     spread = (square_a - sum_a**2 / count, square_b - sum_b**2 / count)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlations = (product - sum_a * sum_b / count) / np.sqrt(spread[0] * spread[1])
     flat = (spread[0] <= 1e-9 * square_a.max()) | (spread[1] <= 1e-9 * square_b.max())
     enough = count >= max(MIN_COMMON_STEPS, MIN_OVERLAP * min(a.size, b.size))
     return lag[enough], np.where(flat, np.nan, np.clip(correlations, -1.0, 1.0))[enough]
+
+
+def sums_between(
+    values: Float[np.ndarray, " n"], first: Int[np.ndarray, " l"], last: Int[np.ndarray, " l"]
+) -> Float[np.ndarray, " l"]:
+    """Return sums of neighbouring values, from each `first` to before its `last`."""
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    return total[last] - total[np.minimum(first, last)]
+
+
+def vertex(three: Float[np.ndarray, " n"]) -> float:
+    """Return the place of the top of the parabola through three neighbours, from the middle one, in steps; 0 if there are fewer."""
+    if three.size < 3 or (bend := three[0] - 2 * three[1] + three[2]) >= 0:
+        return 0.0
+    return float(np.clip(0.5 * (three[0] - three[2]) / bend, -0.5, 0.5))
 
 
 # Do the clocks of several logs of one run meet? If not, by how much they differ, found where both logs hold one
@@ -241,31 +247,24 @@ def clocks_apart(
     return best
 
 
-def _clock(tables: Sequence[TableSummary], guess: Guess) -> tuple[TableSummary, ClockSummary] | None:
-    table = next(one for one in tables if one.info.name == guess.table)
-    return None if table.clock is None else (table, table.clock)
-
-
 def _span(tables: Sequence[TableSummary], guessed: Sequence[Guess]) -> tuple[float, float] | None:
     """First and last stamp of the table of the first guess, s."""
-    known = _clock(tables, guessed[0]) if guessed else None
-    if known is None:
+    table = next((one for one in tables if guessed and one.info.name == guessed[0].table), None)
+    clock = table.clock if table else None
+    if table is None or clock is None:
         return None
-    table, clock = known
     column = next((one for one in table.columns if one.name == clock.name and one.count), None)
     scale = to_si(1.0, clock.unit, "s", "clock")
     return None if column is None else (column.least * scale, column.greatest * scale)
 
 
 def _samples(log: LogFile, tables: Sequence[TableSummary], guess: Guess) -> tuple[Decimal, Samples]:
-    known = _clock(tables, guess)
-    if known is None:
+    clock = next(one.clock for one in tables if one.info.name == guess.table)
+    if clock is None:
         raise InputError(log.path.name, found="no clock", expected="a clock", remedy="name the column of time")
-    layout = log.layout
-    of_text = {"delimiter": layout.delimiter, "skip_rows": layout.skip_rows, "encoding": layout.encoding}
-    text = of_text if format_of(log.path).is_text else {}
+    text = asdict(log.layout) if format_of(log.path).is_text else {}
     read = read_stamped(
-        LogSource(log.path, known[1].name, known[1].unit, {}, table=guess.table if len(tables) > 1 else None, **text),
+        LogSource(log.path, clock.name, clock.unit, {}, table=guess.table if len(tables) > 1 else None, **text),
         [guess.column],
     )
     return read.epoch, Samples(read.time, read.numbers(guess.column))

@@ -153,13 +153,8 @@ _SPELLING = {
 }
 # Units of a propeller's speed that count revolutions, not radians
 _REVOLUTIONS = {
-    "1/min": "rpm",
-    "min-1": "rpm",
-    "min^-1": "rpm",
-    "rev/min": "rpm",
-    "1/s": "rev/s",
-    "s-1": "rev/s",
-    "s^-1": "rev/s",
+    **dict.fromkeys(("1/min", "min-1", "min^-1", "rev/min"), "rpm"),
+    **dict.fromkeys(("1/s", "s-1", "s^-1"), "rev/s"),
 }
 _PATTERNS = tuple((channel, strength, re.compile(pattern)) for channel, strength, pattern in _NAMES)
 
@@ -484,12 +479,9 @@ def _unit(channel: str, column: ColumnSummary, hinted: Sequence[str]) -> tuple[s
     if channel in ("p", "q", "r"):
         return ("deg/s", 1.0, "degrees by its range") if size > 2 * pi else ("rad/s", 1.0, "radians by its range")
     if channel == "n":
-        is_rpm = "rpm" in column.name.lower() or size > 60
-        return (
-            "rpm" if is_rpm else "rev/s",
-            1.0,
-            "its unit by the name" if "rpm" in column.name.lower() else "its unit by its range",
-        )
+        is_named = "rpm" in column.name.lower()
+        unit = "rpm" if is_named or size > 60 else "rev/s"
+        return unit, 1.0, "its unit by the name" if is_named else "its unit by its range"
     if signal_unit(channel) == str(SPEED) and size > MAX_SPEED:
         return "cm/s", 1.0, f"centimetres by its range, as {size:.3g} m/s is too fast for a vehicle: or mm/s, km/h, kn?"
     return _text_unit(channel), 1.0, "unknown unit: SI"

@@ -25,13 +25,8 @@ def _ros(prefix: str, names: dict[str, str]) -> dict[str, Known]:
 
 
 _TWIST = {"linear.x": "u", "linear.y": "v", "linear.z": "w", "angular.x": "p", "angular.y": "q", "angular.z": "r"}
-_WRENCH = {
-    "force.x": "tau_X",
-    "force.y": "tau_Y",
-    "force.z": "tau_Z",
-    "torque.x": "tau_K",
-    "torque.y": "tau_M",
-    "torque.z": "tau_N",
+_WRENCH = {f"force.{axis}": f"tau_{name}" for axis, name in zip("xyz", "XYZ", strict=True)} | {
+    f"torque.{axis}": f"tau_{name}" for axis, name in zip("xyz", "KMN", strict=True)
 }
 _TURN = {f"orientation.{part}": name for part, name in zip("wxyz", QUATERNION, strict=True)}
 _POSE = _TURN | {"position.x": "y", "position.y": "x", "position.z": "z"}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from decimal import Decimal, DecimalException
 
 import numpy as np
@@ -13,7 +13,7 @@ from seatrial.core.record import Channel
 from seatrial.core.signals import signal_unit
 from seatrial.core.units import to_si
 from seatrial.logs.axes import from_axes
-from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, unit_in_name
+from seatrial.logs.formats.protocol import LogFormat, NoColumn, RawTable, TableInfo, TextLayout, unit_in_name
 from seatrial.logs.formats.registry import catalogue, format_of, hash_of_log, pick, read_columns, stream
 from seatrial.logs.formats.text_layout import signs_of
 from seatrial.logs.guess import known_unit, unit_by_name
@@ -38,7 +38,6 @@ LOOKS_MEASURED = "it looks measured, not commanded (it changes at nearly every s
 # Share by which the unit of a map, or unit times scale, may differ from the one that the log or the name of the column
 # states
 SAME_UNIT = 0.02
-_LAYOUT = {"delimiter": None, "skip_rows": 0, "header_rows": 1, "names": None, "encoding": "utf-8"}
 
 
 def read_log_table(source: LogSource) -> LogTable:
@@ -315,7 +314,7 @@ def _check_layout(source: LogSource, form: LogFormat) -> None:
     if form.is_text:
         signs_of(log_file(source))
         return
-    for key, default in _LAYOUT.items():
+    for key, default in asdict(TextLayout()).items():
         if getattr(source, key) != default:
             raise InputError(
                 f"{source.path}, {key}",
@@ -361,24 +360,17 @@ def _elapsed(
 ) -> tuple[Float[np.ndarray, " n"], Decimal]:
     """Return the seconds since the first stamp, and that stamp."""
     stamps = raw.columns[clock]
-    if stamps.dtype.kind == "f":
-        bad = np.flatnonzero(~np.isfinite(stamps))
-        if bad.size:
-            raise InputError(
-                f"{where}, row {raw.line_of(int(bad[0]))}",
-                found=f"time {float(stamps[bad[0]])!r}",
-                expected="a time stamp in every row",
-                remedy="use another time column, or remove the row",
-            )
-    elif stamps.dtype.kind == "i" and (stamps == np.iinfo(np.int64).min).any():
-        row = raw.line_of(int((stamps == np.iinfo(np.int64).min).argmax()))
+    is_float, is_whole = stamps.dtype.kind == "f", stamps.dtype.kind == "i"
+    none = ~np.isfinite(stamps) if is_float else stamps == np.iinfo(np.int64).min if is_whole else np.zeros(0, bool)
+    if none.any():
+        row = int(none.argmax())
         raise InputError(
-            f"{where}, row {row}",
-            found="no instant (NaT)",
+            f"{where}, row {raw.line_of(row)}",
+            found=f"time {float(stamps[row])!r}" if is_float else "no instant (NaT)",
             expected="a time stamp in every row",
             remedy="use another time column, or remove the row",
         )
-    elif stamps.dtype.kind == "i" and stamps.size and not -(2**62) < stamps.min() <= stamps.max() < 2**62:
+    if is_whole and stamps.size and not -(2**62) < stamps.min() <= stamps.max() < 2**62:
         raise _beyond(where)
     if stamps.size == 0:
         raise InputError(

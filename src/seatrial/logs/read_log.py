@@ -20,7 +20,7 @@ from seatrial.core.argument_checks import (
     check_text,
     shown,
 )
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, nearest, not_among
 from seatrial.core.record import Channel, Provenance, Record, Role, make_record
 from seatrial.core.signals import ANGLES, OVER_EARTH, QUATERNION, RATES, SIGNALS, is_signal, signal_unit
 from seatrial.core.units import to_si
@@ -91,10 +91,7 @@ def read_log(
             expected="among " + ", ".join(channels),
             remedy="map the control to a column",
         )
-    lines = {} if between is None else check_mapping(between, f"{path}, between", 'write for example {"n": "line"}')
-    check_known(lines, tuple(controls), f"{path}, between")
-    for name, value in lines.items():
-        check_choice(value, get_args(Between), f"{path}, between, {name}")
+    lines = _checked(between, tuple(controls), f"{path}, between")
     roles: dict[str, Role] = {name: "control" if name in controls else "measurement" for name in channels}
     maps = {
         name: ColumnMap(column, unit, roles[name], between=lines.get(name)) for name, (column, unit) in asked.items()
@@ -126,13 +123,25 @@ def _columns(path: Path, channels: Any, time: Any) -> Mapping[str, tuple[str, st
     asked = check_mapping(channels, f"{path}, channels", example)
     if not asked:
         raise InputError(f"{path}, channels", found="none", expected="one channel at least", remedy=example)
-    pairs = {f'channel "{name}"': pair for name, pair in asked.items()} | ({} if time is None else {"time": time})
-    for place, pair in pairs.items():
-        is_pair = isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)
-        if not is_pair:
-            remedy = 'write time=("t", "s")' if place == "time" else example
-            raise InputError(f"{path}, {place}", found=shown(pair), expected="a column and its unit", remedy=remedy)
+    for name, pair in asked.items():
+        _check_pair(pair, f'{path}, channel "{name}"', example)
+    if time is not None:
+        _check_pair(time, f"{path}, time", 'write time=("t", "s")')
     return asked
+
+
+def _checked(between: Mapping[str, Between] | None, controls: Sequence[str], where: str) -> Mapping[str, Between]:
+    """Return what is said of controls between their samples."""
+    stated = {} if between is None else check_mapping(between, where, 'write for example {"n": "line"}')
+    check_known(stated, controls, where)
+    for name, choice in stated.items():
+        check_choice(choice, get_args(Between), f"{where}, {name}")
+    return stated
+
+
+def _check_pair(pair: Any, where: str, remedy: str) -> None:
+    if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
+        raise InputError(where, found=shown(pair), expected="a column and its unit", remedy=remedy)
 
 
 # Columns of one's own made into a record: what a control does between its samples is stated, or judged by how it
@@ -174,10 +183,7 @@ def record_of_columns(
 def _judged(record: Record, between: Mapping[str, Between] | None, called: str) -> Record:
     """Return a record whose controls do between their samples what is stated, or what their changes show; `called` is for the warning."""
     where = f"{record.provenance.source}, record {record.label!r}"
-    stated = {} if between is None else check_mapping(between, f"{where}, between", 'write for example {"n": "line"}')
-    check_known(stated, record.controls, f"{where}, between")
-    for name, choice in stated.items():
-        check_choice(choice, get_args(Between), f"{where}, between, {name}")
+    stated = _checked(between, record.controls, f"{where}, between")
     chosen, cautions, control = {}, [], record.control.copy()
     for at, name in enumerate(record.controls):
         measured = looks_measured(record.time, control[:, at])
@@ -225,14 +231,9 @@ def record_of_table(
     example = 'write for example u=("speed", "m/s")'
     stamps = (time, "s") if isinstance(time, str) else time
     for place, pair in {"time": stamps, **{f'channel "{name}"': pair for name, pair in channels.items()}}.items():
-        if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(part, str) for part in pair)):
-            remedy = 'write time="t", or time=("t", "ms")' if place == "time" else example
-            raise InputError(f"{where}, {place}", found=shown(pair), expected="a column and its unit", remedy=remedy)
+        _check_pair(pair, f"{where}, {place}", 'write time="t", or time=("t", "ms")' if place == "time" else example)
         if pair[0] not in names:
-            known = "one of " + ", ".join(names)
-            raise InputError(
-                f"{where}, {place}", found=f'no column "{pair[0]}"', expected=known, remedy=nearest(pair[0], names)
-            )
+            raise not_among(f"{where}, {place}", pair[0], names, found=f'no column "{pair[0]}"')
     check_known(check_names(commanded, f"{where}, commanded", "n"), tuple(channels), f"{where}, commanded")
     columns, described, cautions = {}, [], []
     for name, (column, unit) in channels.items():

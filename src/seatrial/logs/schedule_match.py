@@ -20,6 +20,7 @@ from jaxtyping import Float
 from seatrial.core.display_units import shown_unit
 from seatrial.core.errors import InputError
 from seatrial.core.record import Record
+from seatrial.logs.clock_shift import sums_between, vertex
 from seatrial.numerics.integrate import held_mean
 
 MIN_MOTION_SHARE = 0.5  # Share of the commanded motion that a log has to hold
@@ -166,29 +167,16 @@ def _start(commanded: list[np.ndarray], logged: list[np.ndarray], step: float) -
     for c, x in zip(commanded, logged, strict=True):
         scale = float(c.std())
         c, x = (c - c.mean()) / scale, (x - x.mean()) / scale
-        sums = _between(c, first, last), _between(x, first + shift, last + shift)
+        sums = sums_between(c, first, last), sums_between(x, first + shift, last + shift)
         joint += scipy.signal.correlate(np.pad(x, m), c, mode="valid", method="fft") - sums[0] * sums[1] / count
-        of_command += _between(c**2, first, last) - sums[0] ** 2 / count
-        of_log += _between(x**2, first + shift, last + shift) - sums[1] ** 2 / count
+        of_command += sums_between(c**2, first, last) - sums[0] ** 2 / count
+        of_log += sums_between(x**2, first + shift, last + shift) - sums[1] ** 2 / count
         whole += float(c @ c)
     moves = (of_command >= MIN_MOTION_SHARE * whole) & (of_log > 1e-9 * whole)
     r = np.where(moves, joint / np.sqrt(np.where(moves, of_command * of_log, 1.0)), 0.0)
     explained = np.where(np.abs(r) >= NEAR_BEST_SHARE * np.abs(r).max(), r**2 * of_log, 0.0)
     at = int(np.argmax(explained))
-    return float(shift[at] + _vertex(np.abs(r[max(at - 1, 0) : at + 2]))) * step, float(r[at])
-
-
-def _between(values: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Sums of neighbouring values, from each `first` to before its `last`."""
-    total = np.concatenate([[0.0], np.cumsum(values)])
-    return total[last] - total[np.minimum(first, last)]
-
-
-def _vertex(three: np.ndarray) -> float:
-    """Place of the top of the parabola through three neighbours, from the middle one, in steps."""
-    if three.size < 3 or (bend := three[0] - 2 * three[1] + three[2]) >= 0:
-        return 0.0
-    return float(np.clip(0.5 * (three[0] - three[2]) / bend, -0.5, 0.5))
+    return float(shift[at] + vertex(np.abs(r[max(at - 1, 0) : at + 2]))) * step, float(r[at])
 
 
 def _compared(record: Record, name: str, commanded: np.ndarray, time: np.ndarray) -> ControlMatch:

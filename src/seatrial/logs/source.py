@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from seatrial.core.errors import InputError, nearest
+from seatrial.core.errors import InputError, not_among
 from seatrial.core.record import Channel, Role
 from seatrial.core.signals import SIGNALS, is_signal, signal_unit
 from seatrial.core.units import to_si
@@ -147,6 +147,16 @@ class LogTable:
         return f"{table} of {self.source}" if table else self.source
 
 
+def given_twice(place: str, channel: str, other: str) -> InputError:
+    """Return the refusal of a channel that two logs of a run give, by the places of both."""
+    return InputError(
+        f'{place}, channel "{channel}"',
+        found=f"a channel that {other} gives too",
+        expected="one source for each channel",
+        remedy="drop it from one of the maps",
+    )
+
+
 def check_source(source: LogSource) -> None:
     """Check all that can be checked without opening the file.
 
@@ -254,6 +264,4 @@ def text_options(source: LogSource) -> dict[str, Any]:
 
 def _one_of(value: str, allowed: tuple[str, ...], where: str) -> None:
     if value not in allowed:
-        raise InputError(
-            where, found=repr(value), expected="one of " + ", ".join(allowed), remedy=nearest(str(value), allowed)
-        )
+        raise not_among(where, value, allowed, found=repr(value))

@@ -135,6 +135,12 @@ class _Column:
     mean: float = 0.0
     squares: float = 0.0
 
+    def summary(self, name: str, unit: str | None, rows: int) -> ColumnSummary:
+        if not self.count:
+            return ColumnSummary(name, unit, 0, rows, self.infinite, math.nan, math.nan)
+        sd = math.sqrt(self.squares / self.count)
+        return ColumnSummary(name, unit, self.count, rows, self.infinite, self.least, self.greatest, self.mean, sd)
+
     def take(self, values: np.ndarray) -> None:
         if values.dtype.kind == "f":
             self.infinite += int(np.isinf(values).sum())
@@ -260,20 +266,7 @@ class Gathered:
     def summary(self) -> TableSummary:
         """Sum up."""
         units = {column.name: column.unit for column in self.info.columns}
-        columns = tuple(
-            ColumnSummary(
-                name,
-                units[name],
-                gathered.count,
-                self.rows,
-                gathered.infinite,
-                gathered.least if gathered.count else math.nan,
-                gathered.greatest if gathered.count else math.nan,
-                gathered.mean if gathered.count else math.nan,
-                math.sqrt(gathered.squares / gathered.count) if gathered.count else math.nan,
-            )
-            for name, gathered in self.columns.items()
-        )
+        columns = tuple(one.summary(name, units[name], self.rows) for name, one in self.columns.items())
         clocks = tuple(clock.summary(name) for name, clock in self._found(columns).items())
         return TableSummary(self.info, self.rows, clocks, columns)
 

@@ -13,42 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from seatrial.core.errors import InputError
-from seatrial.logs.formats.protocol import (
-    Block,
-    ColumnInfo,
-    LogFile,
-    LogFormat,
-    TableInfo,
-    Wanted,
-    as_column,
-    kept_index,
-)
+from seatrial.core.files import kept_per_file
+from seatrial.logs.formats.protocol import Block, ColumnInfo, LogFile, LogFormat, TableInfo, Wanted, as_column
 
 _HEAD = b"\xa3\x95"
 _FMT, _FMT_LENGTH = 128, 89
 _PIECE_BYTES = 1 << 22
+# Types by the characters of a format: most are NumPy's own, and some of these with a multiplier
 _TYPES = {
-    "a": "32<i2",
-    "b": "i1",
-    "B": "u1",
-    "h": "<i2",
-    "H": "<u2",
-    "i": "<i4",
-    "I": "<u4",
-    "f": "<f4",
-    "d": "<f8",
-    "g": "<f2",
-    "n": "S4",
-    "N": "S16",
-    "Z": "S64",
-    "c": "<i2",
-    "C": "<u2",
-    "e": "<i4",
-    "E": "<u4",
-    "L": "<i4",
-    "M": "u1",
-    "q": "<i8",
-    "Q": "<u8",
+    **{character: f"<{character}" for character in "bBhHiIfdqQ"},
+    **{"c": "<h", "C": "<H", "e": "<i", "E": "<I", "L": "<i", "M": "B"},
+    **{"a": "32<h", "g": "<e", "n": "S4", "N": "S16", "Z": "S64"},
 }
 _DIVISORS = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
 _PREFIXES = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
@@ -87,11 +62,11 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    return _index(log).tables
+    return _index(log.path).tables
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    where = _index(log).where
+    where = _index(log.path).where
     chosen: dict[int, list[str]] = {}
     for table in wanted:
         chosen.setdefault(where[table][0], []).append(table)
@@ -108,9 +83,9 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
                     yield Block(table, columns, min(read / size, 1.0))
 
 
-@kept_index
+@kept_per_file(4)
 def _index(path: Path) -> _Index:
-    """Count the messages of each type and instance."""
+    """Count the messages of each type and instance; kept, since a catalogue is followed by a reading."""
     units: dict[str, str] = {}
     multipliers: dict[str, float] = {}
     described: dict[int, tuple[str, str]] = {}
@@ -216,7 +191,7 @@ def _define(body: bytes, scan: _Scan, lengths: np.ndarray, path: Path) -> None:
     names = [part.strip() for part in columns.split(",") if part.strip()]
     layout = None
     if len(names) == len(characters) == len(set(names)) and all(character in _TYPES for character in characters):
-        layout = np.dtype([(column, _dtype(character)) for column, character in zip(names, characters, strict=True)])
+        layout = np.dtype([(column, _TYPES[character]) for column, character in zip(names, characters, strict=True)])
         layout = layout if layout.itemsize == length - 3 else None
     definition = _Kind(name, length, layout, dict(zip(names, characters, strict=False)))
     if not re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) or length < 3 or (kind == _FMT and length != _FMT_LENGTH):
@@ -230,11 +205,6 @@ def _define(body: bytes, scan: _Scan, lengths: np.ndarray, path: Path) -> None:
         )
     scan.kinds[kind] = definition
     lengths[kind] = length
-
-
-def _dtype(character: str) -> tuple[str, int] | str:
-    kind = _TYPES[character]
-    return ("<i2", 32) if character == "a" else kind
 
 
 def _rows(piece: bytes, starts: np.ndarray, kind: _Kind) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
+    BLOCK_ROWS,
     MAX_ELEMENTS,
     Block,
     ColumnInfo,
@@ -23,7 +24,6 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
-    blocks_of,
     clocks_among,
 )
 
@@ -88,10 +88,13 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     with _opened(log) as (shapes, rows_of):
         tables = {name: table for name, table in _tables(shapes).items() if name in wanted}
-        rows = {name: count for name, (count, _) in tables.items()}
-        yield from blocks_of(
-            rows, wanted, lambda table, column, *ends: as_column(rows_of(tables[table][1][column], *ends))
-        )
+        total, read = max(sum(rows for rows, _ in tables.values()), 1), 0
+        for name, (rows, columns) in tables.items():
+            for start in range(0, rows, BLOCK_ROWS):
+                stop = min(start + BLOCK_ROWS, rows)
+                read += stop - start
+                values = {column: as_column(rows_of(columns[column], start, stop)) for column in wanted[name]}
+                yield Block(name, values, read / total)
 
 
 @contextmanager

@@ -18,7 +18,6 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
-    BLOCK_ROWS,
     LOG_TIME,
     MAX_ELEMENTS,
     Block,
@@ -29,6 +28,7 @@ from seatrial.logs.formats.protocol import (
     Wanted,
     as_column,
     clocks_among,
+    in_blocks,
     optional,
 )
 
@@ -57,13 +57,6 @@ class _Message(NamedTuple):
 
 
 @dataclass
-class _End:
-    """How a file ends."""
-
-    is_whole: bool = False
-
-
-@dataclass
 class _Seen:
     """What the catalogue keeps of a topic."""
 
@@ -83,15 +76,14 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
     seen: dict[str, _Seen] = {}
-    end = _End()
-    for message in _messages(log, end):
+    notes: list[str] = []
+    for message in _messages(log, notes):
         topic_content = seen.setdefault(message.channel.topic, _Seen(message.channel.encoding))
         topic_content.rows += 1
         if topic_content.encoding == "json" and topic_content.rows <= _SAMPLE_MESSAGES:
             for name, value in _flat(_content(log, message)):
                 (topic_content.words if isinstance(value, str) else topic_content.numbers)[name] = None
-    notes = () if end.is_whole else ("the recording was cut off: it is read to its last whole message",)
-    return tuple(_table(topic, topic_content, notes) for topic, topic_content in sorted(seen.items()))
+    return tuple(_table(topic, topic_content, tuple(notes)) for topic, topic_content in sorted(seen.items()))
 
 
 def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
@@ -104,25 +96,15 @@ def _table(topic: str, seen: _Seen, notes: tuple[str, ...]) -> TableInfo:
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    waiting: dict[str, list[_Message]] = {}
-    for message in _messages(log, _End()):
-        topic = message.channel.topic
-        if topic in wanted and message.channel.encoding == "json":
-            rows = waiting.setdefault(topic, [])
-            rows.append(message)
-            if len(rows) == BLOCK_ROWS:
-                yield _block(log, waiting.pop(topic), wanted)
-    for rows in waiting.values():
-        yield _block(log, rows, wanted)
+    def block(topic: str, messages: list[_Message], done: float) -> Block:
+        rows = [dict(_flat(_content(log, message))) for message in messages]
+        columns = {name: _column([row.get(name) for row in rows]) for name in wanted[topic] if name != LOG_TIME}
+        if LOG_TIME in wanted[topic]:
+            columns[LOG_TIME] = np.array([message.time for message in messages], np.int64)
+        return Block(topic, columns, done)
 
-
-def _block(log: LogFile, messages: list[_Message], wanted: Wanted) -> Block:
-    topic = messages[0].channel.topic
-    rows = [dict(_flat(_content(log, message))) for message in messages]
-    columns = {name: _column([row.get(name) for row in rows]) for name in wanted[topic] if name != LOG_TIME}
-    if LOG_TIME in wanted[topic]:
-        columns[LOG_TIME] = np.array([message.time for message in messages], np.int64)
-    return Block(topic, columns, messages[-1].done)
+    messages = (one for one in _messages(log, []) if one.channel.encoding == "json")
+    return in_blocks(((one.channel.topic, one, one.done) for one in messages if one.channel.topic in wanted), block)
 
 
 def _column(values: list[Any]) -> np.ndarray:
@@ -162,8 +144,8 @@ def _flat(value: Any, name: str = "", depth: int = 0) -> Iterator[tuple[str, flo
         yield name, value
 
 
-def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
-    """Yield the messages of a file in its order, to its last whole record.
+def _messages(log: LogFile, notes: list[str]) -> Iterator[_Message]:
+    """Yield the messages of a file in its order, to its last whole record, and add a note where one follows that is not whole.
 
     Raises:
         InputError: the library is missing.
@@ -185,11 +167,11 @@ def _messages(log: LogFile, end: _End) -> Iterator[_Message]:
                         channels[one.id] = _Channel(one.topic, one.message_encoding)
                     elif isinstance(one, Message) and one.channel_id in channels and one.log_time < 2**63:
                         yield _Message(channels[one.channel_id], one.log_time, one.data, done)
-            end.is_whole = True
         except (errors.McapError, struct.error) as damage:
             # A file that ends inside a record was cut off while it was written.
             if stream.read(1) or not isinstance(damage, errors.EndOfFile | struct.error):
                 raise ValueError(str(damage)) from damage
+            notes.append("the recording was cut off: it is read to its last whole message")
 
 
 def _contents(record: Any, mcap: Any, errors: Any) -> Sequence[Any]:

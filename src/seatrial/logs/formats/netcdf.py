@@ -12,6 +12,7 @@ import numpy as np
 
 from seatrial.core.processes import MEMORY
 from seatrial.logs.formats.protocol import (
+    BLOCK_ROWS,
     MAX_ELEMENTS,
     TIME_UNITS,
     Block,
@@ -21,7 +22,6 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
-    blocks_of,
     clock_unit,
 )
 
@@ -45,10 +45,18 @@ class _Variable:
 
     name: str
     dimension: str
-    rows: int
-    elements: int | None
     data: Any
     attributes: dict[str, Any]
+
+    @property
+    def rows(self) -> int:
+        return self.data.shape[0]
+
+    @property
+    def columns(self) -> list[str]:
+        if len(self.data.shape) == 1:
+            return [self.name]
+        return [f"{self.name}[{k}]" for k in range(self.data.shape[1])]
 
 
 def _recognises(path: Path, head: bytes) -> bool:
@@ -64,11 +72,16 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
     with _opened(log) as variables:
-        tables = {
-            name: {one.name: one for one in members} for name, members in _tables(variables).items() if name in wanted
-        }
-        rows = {name: next(iter(members.values())).rows for name, members in tables.items()}
-        yield from blocks_of(rows, wanted, lambda table, column, *ends: _values(tables[table], column, *ends))
+        tables = {name: members for name, members in _tables(variables).items() if name in wanted}
+        total, read = max(sum(members[0].rows for members in tables.values()), 1), 0
+        for name, members in tables.items():
+            rows = members[0].rows
+            by_name = {variable.name: variable for variable in members}
+            for start in range(0, rows, BLOCK_ROWS):
+                stop = min(start + BLOCK_ROWS, rows)
+                read += stop - start
+                columns = {column: _values(by_name, column, start, stop) for column in wanted[name]}
+                yield Block(name, columns, read / total)
 
 
 @contextmanager
@@ -80,8 +93,11 @@ def _opened(log: LogFile) -> Iterator[list[_Variable]]:
 
         file = netcdf_file(log.path, "r", mmap=True, maskandscale=False)
         try:
-            variables = [_classic(name, variable) for name, variable in file.variables.items()]
-            yield [variable for variable in variables if variable is not None]
+            yield [
+                _Variable(name, variable.dimensions[0], variable.data, dict(variable._attributes))
+                for name, variable in file.variables.items()
+                if variable.data.dtype.kind in "iuf" and _is_listed(variable.data.shape)
+            ]
         finally:
             with warnings.catch_warnings():
                 # It stays mapped while a view of it lives, which it says; the views go with this function.
@@ -91,26 +107,15 @@ def _opened(log: LogFile) -> Iterator[list[_Variable]]:
         from seatrial.logs.formats.hdf5 import arrays, opened
 
         with opened(log.path) as file:
-            variables = [_modern(path, dataset) for path, dataset in arrays(file)]
+            variables = [_modern(path, dataset) for path, dataset in arrays(file) if _is_listed(dataset.shape)]
             yield [variable for variable in variables if variable is not None]
 
 
-def _classic(name: str, variable: Any) -> _Variable | None:
-    shape, dimensions = variable.data.shape, variable.dimensions
-    if (
-        variable.data.dtype.kind not in "iuf"
-        or len(shape) not in (1, 2)
-        or (len(shape) == 2 and shape[1] > MAX_ELEMENTS)
-    ):
-        return None
-    attributes = dict(variable._attributes)
-    return _Variable(name, dimensions[0], shape[0], shape[1] if len(shape) == 2 else None, variable.data, attributes)
+def _is_listed(shape: tuple[int, ...]) -> bool:
+    return len(shape) == 1 or (len(shape) == 2 and shape[1] <= MAX_ELEMENTS)
 
 
 def _modern(path: str, dataset: Any) -> _Variable | None:
-    shape = dataset.shape
-    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[1] > MAX_ELEMENTS):
-        return None
     group, _, name = path.rpartition("/")
     attributes = {
         key: dataset.attrs[key]
@@ -121,10 +126,10 @@ def _modern(path: str, dataset: Any) -> _Variable | None:
         return None
     scales = dataset.dims[0]
     is_scale = attributes.get("CLASS") == b"DIMENSION_SCALE"
-    own = name if is_scale else f"{shape[0]} rows"
+    own = name if is_scale else f"{dataset.shape[0]} rows"
     dimension = Path(scales[0].name).name if len(scales) and not is_scale else own
     dimension = f"{group}/{dimension}" if group else dimension
-    return _Variable(name, dimension, shape[0], shape[1] if len(shape) == 2 else None, dataset, attributes)
+    return _Variable(name, dimension, dataset, attributes)
 
 
 def _tables(variables: Sequence[_Variable]) -> dict[str, list[_Variable]]:
@@ -143,12 +148,7 @@ def _table(name: str, variables: Sequence[_Variable]) -> TableInfo:
     columns, clocks = [], []
     for variable in variables:
         unit, is_clock = _unit(variable)
-        names = (
-            [variable.name]
-            if variable.elements is None
-            else [f"{variable.name}[{k}]" for k in range(variable.elements)]
-        )
-        columns += [ColumnInfo(column, unit) for column in names]
+        columns += [ColumnInfo(column, unit) for column in variable.columns]
         clocks += [(variable.name != name.rpartition("/")[2], variable.name)] if is_clock else []
     return TableInfo(name, tuple(columns), tuple(clock for _, clock in sorted(clocks)), variables[0].rows)
 
@@ -159,9 +159,11 @@ def _unit(variable: _Variable) -> tuple[str | None, bool]:
     since = _SINCE.fullmatch(stated) if stated else None
     unit = since[1] if since else stated
     unit = _SPELLING.get(unit or "", unit)
-    if variable.elements is None and since and unit in TIME_UNITS:
+    if variable.columns != [variable.name]:
+        return unit, False
+    if since and unit in TIME_UNITS:
         return unit, True
-    clock = clock_unit(variable.name, unit) if variable.elements is None else None
+    clock = clock_unit(variable.name, unit)
     return unit or clock, clock is not None
 
 

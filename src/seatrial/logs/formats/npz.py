@@ -6,7 +6,6 @@ nothing in the file is ever run: arrays of Python objects are passed over. Witho
 
 import zipfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from seatrial.core.errors import InputError
 from seatrial.logs.formats.protocol import (
+    BLOCK_ROWS,
     MAX_ELEMENTS,
     Block,
     ColumnInfo,
@@ -22,7 +22,6 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
-    blocks_of,
     clocks_among,
 )
 
@@ -57,7 +56,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    with _opened(log) as archive:
+    with zipfile.ZipFile(log.path) as archive:
         arrays, notes = _arrays(archive, log)
         tables = _tables(arrays)
     table_infos = []
@@ -70,20 +69,14 @@ def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    with _opened(log) as archive:
+    with zipfile.ZipFile(log.path) as archive:
         tables = _tables(_arrays(archive, log)[0])
         for name, columns in wanted.items():
             rows = max(array.rows for array in tables[name])
             loaded = {column: _column(archive, log, column, rows) for column in columns}
-            yield from blocks_of(
-                {name: rows}, wanted, lambda _, column, start, stop, loaded=loaded: loaded[column][start:stop]
-            )
-
-
-@contextmanager
-def _opened(log: LogFile) -> Iterator[zipfile.ZipFile]:
-    with zipfile.ZipFile(log.path) as archive:
-        yield archive
+            for start in range(0, rows, BLOCK_ROWS):
+                stop = min(start + BLOCK_ROWS, rows)
+                yield Block(name, {column: values[start:stop] for column, values in loaded.items()}, stop / rows)
 
 
 def _arrays(archive: zipfile.ZipFile, log: LogFile) -> tuple[list[_Array], tuple[str, ...]]:

@@ -1,7 +1,6 @@
 """Parquet: one table, streamed by row groups; nested columns by dotted path, stamps as whole numbers in their unit."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    begins_with,
     clocks_among,
     optional,
 )
@@ -28,14 +28,10 @@ _MOST_BYTES = 1 << 29  # Of one row group's wanted columns: more would not fit i
 _MOST_ROWS = 1 << 27
 
 
-def _recognises(path: Path, head: bytes) -> bool:
-    return head[:4] == b"PAR1"
-
-
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    with optional("parquet", log.path):
-        import pyarrow as arrow
     with _opened(log) as file:
+        import pyarrow as arrow
+
         columns = [ColumnInfo(name, unit) for field in file.schema_arrow for name, unit in _leaves(arrow, field)]
         stamps = tuple(column.name for column in columns if column.unit)
         clocks, columns = clocks_among(columns)
@@ -55,8 +51,8 @@ def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
 
 def _opened(log: LogFile) -> Any:
     with optional("parquet", log.path):
-        from pyarrow.parquet import ParquetFile
-    return ParquetFile(log.path, memory_map=True)
+        import pyarrow.parquet
+    return pyarrow.parquet.ParquetFile(log.path, memory_map=True)
 
 
 def _leaves(arrow: Any, field: Any, prefix: str = "") -> Iterator[tuple[str, str | None]]:
@@ -84,25 +80,19 @@ def _top(name: str, tops: list[str]) -> str:
 
 
 def _values(batch: Any, name: str) -> np.ndarray:
-    with optional("parquet", Path(name)):
-        import pyarrow as arrow
+    import pyarrow as arrow
+    from pyarrow import compute
+
     top = _top(name, batch.schema.names)
     column, rest = batch.column(batch.schema.names.index(top)), name.removeprefix(top)
-    missing = np.zeros(len(column), bool)
     while rest:
-        missing |= column.is_null().to_numpy(zero_copy_only=False)
         if rest.startswith("["):
             index, _, rest = rest[1:].partition("]")
-            size = column.type.list_size
-            column = column.values.slice(column.offset * size + int(index), len(column) * size - int(index))
-            column = column.take(arrow.array(np.arange(len(missing)) * size))
+            column = compute.list_element(column, int(index))
         else:
-            names = [column.type.field(k).name for k in range(column.type.num_fields)]
-            part = max(
-                (part for part in names if rest[1:] == part or rest[1:].startswith((f"{part}.", f"{part}["))), key=len
-            )
-            column, rest = column.field(part), rest[1 + len(part) :]
-    missing |= column.is_null().to_numpy(zero_copy_only=False)
+            part = _top(rest[1:], [field.name for field in column.type])
+            column, rest = compute.struct_field(column, column.type.get_field_index(part)), rest[1 + len(part) :]
+    missing = column.is_null().to_numpy(zero_copy_only=False)
     if arrow.types.is_timestamp(column.type) or arrow.types.is_duration(column.type):
         column = column.cast(arrow.int64())
     elif arrow.types.is_decimal(column.type) or arrow.types.is_boolean(column.type):
@@ -133,4 +123,4 @@ def _check_size(metadata: Any, tops: list[str], log: LogFile) -> None:
             )
 
 
-FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), _recognises, _catalogue, _blocks, memory=MEMORY)
+FORMAT = LogFormat("a Parquet file", (".parquet", ".pq"), begins_with(b"PAR1"), _catalogue, _blocks, memory=MEMORY)

@@ -6,13 +6,11 @@ the wanted numbers to blocks of a few thousand rows and hands them on.
 """
 
 import re
-from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +28,6 @@ _CLOCK = re.compile(
     r"(?:[\s_]*[\[(]?(?P<unit>ns|nsec|us|usec|ms|msec|s|sec|secs|seconds|min|h)[\])]?)?"
 )
 
-Index = TypeVar("Index")
 Wanted = Mapping[str, Sequence[str]]
 """For each table the columns to read."""
 
@@ -163,39 +160,28 @@ class LogFormat:
     memory: int = 0
 
 
-@dataclass(eq=False)
-class Columns:
-    """Growing buffers of one table: `d` for floats, `q` for whole numbers that must stay exact."""
+def in_blocks(
+    rows: Iterable[tuple[str, Any, float]], block: Callable[[str, list[Any], float], Block]
+) -> Iterator[Block]:
+    """Collect the rows of each table, and yield them some thousand at a time.
 
-    table: str
-    codes: Mapping[str, str]
-    buffers: dict[str, array] = field(init=False)
-
-    def __post_init__(self):
-        self.buffers = {name: array(code) for name, code in self.codes.items()}
-
-    @property
-    def rows(self) -> int:
-        """Rows that wait to be handed on."""
-        return len(next(iter(self.buffers.values()))) if self.buffers else 0
-
-    def block(self, done: float) -> Block:
-        """Hand on what has come together, and begin anew in the same buffers."""
-        columns = {name: np.array(buffer) for name, buffer in self.buffers.items()}
-        for buffer in self.buffers.values():
-            del buffer[:]
-        return Block(self.table, columns, done)
+    Args:
+        rows: of all tables, each as the name of its table, what is kept of it, and the share of the log that is read.
+        block: makes a block of the name of a table, its rows and that share.
+    """
+    waiting: dict[str, list[Any]] = {}
+    for table, row, done in rows:
+        mine = waiting.setdefault(table, [])
+        mine.append(row)
+        if len(mine) == BLOCK_ROWS:
+            yield block(table, waiting.pop(table), min(done, 1.0))
+    for table, mine in waiting.items():
+        yield block(table, mine, 1.0)
 
 
-def kept_index(index: Callable[[Path], Index]) -> Callable[[LogFile], Index]:
-    """Return a function of a log that keeps its index while the file stays as it is: a catalogue is followed by a reading."""
-    kept = lru_cache(maxsize=4)(lambda path, size, changed: index(path))
-
-    def index_of(log: LogFile) -> Index:
-        stat = log.path.stat()
-        return kept(log.path, stat.st_size, stat.st_mtime_ns)
-
-    return index_of
+def begins_with(magic: bytes) -> Callable[[Path, bytes], bool]:
+    """Return what recognises a format whose files all begin with the same bytes."""
+    return lambda path, head: head.startswith(magic)
 
 
 def unreadable(path: Path, cause: OSError) -> InputError:
@@ -206,24 +192,6 @@ def unreadable(path: Path, cause: OSError) -> InputError:
         expected="a readable file",
         remedy="check its permissions and the disk",
     )
-
-
-def blocks_of(
-    rows: Mapping[str, int], wanted: Wanted, read: Callable[[str, str, int, int], np.ndarray]
-) -> Iterator[Block]:
-    """Yield tables of which any rows can be read, block after block.
-
-    Args:
-        rows: of each table that is wanted.
-        wanted: columns of each.
-        read: returns rows of a column of a table, from one to before another.
-    """
-    total, done = max(sum(rows.values()), 1), 0
-    for table, count in rows.items():
-        for start in range(0, count, BLOCK_ROWS):
-            stop = min(start + BLOCK_ROWS, count)
-            done += stop - start
-            yield Block(table, {name: read(table, name, start, stop) for name in wanted[table]}, done / total)
 
 
 def optional(extra: str, path: Path) -> AbstractContextManager[None]:

@@ -134,20 +134,17 @@ def pick(tables: Sequence[TableInfo], name: str | None, where: str) -> TableInfo
         InputError: no such table, none named though there are several, or one that cannot be read.
     """
     names = [table.name for table in tables]
-    if name is None and len(tables) > 1:
-        raise InputError(
-            f"{where}, table",
-            found=f"{len(tables)} tables and none named",
-            expected="one of " + _some(names),
-            remedy="name the table; `seatrial inspect` shows the columns of each",
-        )
-    chosen = tables[0] if name is None else next((table for table in tables if table.name == name), None)
+    is_only = name is None and len(tables) == 1
+    chosen = next((table for table in tables if is_only or table.name == name), None)
     if chosen is None:
+        listed = "" if len(names) <= 20 else "`seatrial inspect` lists them"
         raise InputError(
             f"{where}, table",
-            found=f'"{name}"',
-            expected="one of " + _some(names),
-            remedy=nearest(name, names, "" if len(names) <= 20 else "`seatrial inspect` lists them"),
+            found=f"{len(tables)} tables and none named" if name is None else f'"{name}"',
+            expected="one of " + ", ".join(names[:20]) + (f" and {len(names) - 20} more" if listed else ""),
+            remedy="name the table; `seatrial inspect` shows the columns of each"
+            if name is None
+            else nearest(name, names, listed),
         )
     if chosen.trouble:
         raise InputError(
@@ -211,7 +208,3 @@ def _head(path: Path) -> bytes:
             return stream.read(_HEAD)
     except OSError as cause:
         raise unreadable(path, cause) from cause
-
-
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:20]) + (f" and {len(names) - 20} more" if len(names) > 20 else "")

@@ -20,6 +20,7 @@ from seatrial.logs.formats.protocol import (
     LogFormat,
     TableInfo,
     Wanted,
+    begins_with,
     optional,
 )
 from seatrial.logs.formats.ros_messages import (
@@ -39,30 +40,16 @@ _MCAP = b"\x89MCAP0\r\n"
 _ROS_1 = b"#ROSBAG V"
 _MEMORY = 2 << 30  # A chunk that unpacks to more ends the process that reads it
 _HEADER = "std_msgs/Header header\n"
-# Messages of MAVROS by their fields
+# Definitions of MAVROS below the header
 _MAVROS = {
-    f"mavros_msgs/msg/{name}": _HEADER + "\n".join(fields)
-    for name, fields in {
-        "RCOut": ("uint16[] channels",),
-        "RCIn": ("uint8 rssi", "uint16[] channels"),
-        "OverrideRCIn": ("uint16[18] channels",),
-        "State": (
-            *(f"bool {word}" for word in ("connected", "armed", "guided", "manual_input")),
-            "string mode",
-            "uint8 system_status",
-        ),
-        "VfrHud": (
-            "float32 airspeed",
-            "float32 groundspeed",
-            "int16 heading",
-            "float32 throttle",
-            "float32 altitude",
-            "float32 climb",
-        ),
-        "Altitude": tuple(
-            f"float32 {word}" for word in ("monotonic", "amsl", "local", "relative", "terrain", "bottom_clearance")
-        ),
-    }.items()
+    "RCOut": "uint16[] channels",
+    "RCIn": "uint8 rssi\nuint16[] channels",
+    "OverrideRCIn": "uint16[18] channels",
+    "State": "bool connected\nbool armed\nbool guided\nbool manual_input\nstring mode\nuint8 system_status",
+    "VfrHud": "float32 airspeed\nfloat32 groundspeed\nint16 heading\nfloat32 throttle\nfloat32 altitude\nfloat32 climb",
+    "Altitude": "\n".join(
+        f"float32 {word}" for word in ("monotonic", "amsl", "local", "relative", "terrain", "bottom_clearance")
+    ),
 }
 _LOOKED_AT = 20  # Messages of a topic by which the length of its sequences is told
 
@@ -184,7 +171,8 @@ def _definitions(kind: str, definition: Any, log: LogFile) -> Definitions:
         texts = [part.split("\n", 1)[1] if part.startswith("IDL: ") else part for part in parts if part]
         return {name: fields for text in texts for name, fields in typesys.get_types_from_idl(text).items()}
     # Bags from before ROS 2 Iron hold no definitions: those of the standard messages are known, and of what an autopilot's bridge sends.
-    added = typesys.get_types_from_msg(_MAVROS[kind], kind) if kind in _MAVROS else {}
+    known = _MAVROS.get(kind.removeprefix("mavros_msgs/msg/"))
+    added = typesys.get_types_from_msg(_HEADER + known, kind) if known else {}
     return {**typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).fielddefs, **added}
 
 
@@ -204,11 +192,7 @@ def _table(topic: _Topic, lengths: dict[str, int]) -> TableInfo:
     return TableInfo(topic.name, columns, clocks, rows, topic.kind, topic.trouble, words=words, has_sequences=True)
 
 
-def _recognises(magic: bytes) -> Any:
-    return lambda path, head: head.startswith(magic)
-
-
-BAG = LogFormat("a ROS 1 bag", (".bag",), _recognises(_ROS_1), _catalogue, _blocks, memory=_MEMORY)
+BAG = LogFormat("a ROS 1 bag", (".bag",), begins_with(_ROS_1), _catalogue, _blocks, memory=_MEMORY)
 FOLDER = LogFormat("a ROS 2 bag", (), _is_folder, _catalogue, _blocks, memory=_MEMORY)
-MCAP = LogFormat("an MCAP file", (".mcap",), _recognises(_MCAP), _catalogue, _blocks, memory=_MEMORY)
-SQLITE = LogFormat("a ROS 2 database", (".db3",), _recognises(_SQLITE), _catalogue, _blocks, memory=_MEMORY)
+MCAP = LogFormat("an MCAP file", (".mcap",), begins_with(_MCAP), _catalogue, _blocks, memory=_MEMORY)
+SQLITE = LogFormat("a ROS 2 database", (".db3",), begins_with(_SQLITE), _catalogue, _blocks, memory=_MEMORY)

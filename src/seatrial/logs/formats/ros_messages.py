@@ -21,12 +21,8 @@ BASE, NAME, ARRAY = 1, 2, 3  # Kinds of a field's type in a definition as rosbag
 _HEADER = 4  # Bytes of CDR in front of a message; numbers are aligned as counted from behind them
 _BATCH_BYTES = 1 << 20  # Bytes of messages that are looked at together
 _CODES = {
-    "bool": "B",
-    "byte": "B",
-    "char": "B",
-    "octet": "B",
+    **dict.fromkeys(("bool", "byte", "char", "octet", "uint8"), "B"),
     "int8": "b",
-    "uint8": "B",
     "int16": "h",
     "uint16": "H",
     "int32": "i",

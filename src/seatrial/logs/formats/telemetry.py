@@ -6,6 +6,7 @@ A record is the time of receipt in microseconds since 1970 (eight bytes, big-end
 
 import re
 import struct
+from collections import Counter
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,8 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from seatrial.core.files import kept_per_file
 from seatrial.logs.formats.protocol import (
-    BLOCK_ROWS,
     LOG_TIME,
     Block,
     ColumnInfo,
@@ -24,7 +25,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
-    kept_index,
+    in_blocks,
     optional,
 )
 
@@ -32,33 +33,14 @@ _PIECE_BYTES = 1 << 22
 _VERSION_1, _VERSION_2 = 0xFE, 0xFD
 _MAX_PACKET_BYTES = 8 + 10 + 255 + 2 + 13
 _CLOCKS = {"time_boot_ms": "ms", "time_usec": "us", "time_unix_usec": "us"}
-_NUMBERS = {
-    "b": "i1",
-    "B": "u1",
-    "h": "<i2",
-    "H": "<u2",
-    "i": "<i4",
-    "I": "<u4",
-    "q": "<i8",
-    "Q": "<u8",
-    "f": "<f4",
-    "d": "<f8",
-}
 
 
 @dataclass(frozen=True)
 class _Index:
-    """Tables of a log, and for each its message type and sender (None for any)."""
+    """Tables of a log, and for each its message type and sender."""
 
     tables: tuple[TableInfo, ...]
-    where: Mapping[str, tuple[int, tuple[int, int] | None]]
-
-
-@dataclass
-class _Skipped:
-    """Bytes that are no records."""
-
-    count: int = 0
+    where: Mapping[str, tuple[int, tuple[int, int]]]
 
 
 class Packet(NamedTuple):
@@ -101,10 +83,8 @@ def packets(data: bytes, time: int, wanted: Container[str]) -> list[Packet]:
         name, columns = ("", {}) if message is None else (message.msgname, {})
         if name in wanted:
             layout = _layout(message)
-            row = np.frombuffer(payload.ljust(layout.itemsize, b"\0"), layout)[0]
-            for column in _columns(message):
-                field, _, element = column.name.partition("[")
-                columns[column.name] = float(row[field][int(element[:-1])] if element else row[field])
+            rows = np.frombuffer(payload.ljust(layout.itemsize, b"\0"), layout)
+            columns |= {column.name: float(_column(rows, column.name)[0]) for column in _columns(message)}
             columns[LOG_TIME] = float(time)
         received.append(Packet(name, sender, columns, piece[:length]))
         at += length - len(stamp)
@@ -120,7 +100,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
-    return _index(log).tables
+    return _index(log.path).tables
 
 
 def mavlink(path: Path) -> Any:
@@ -138,66 +118,51 @@ def mavlink(path: Path) -> Any:
 
 
 def _blocks(log: LogFile, wanted: Wanted) -> Iterator[Block]:
-    messages = mavlink(log.path).mavlink_map
-    where = _index(log).where
-    chosen: dict[int, list[tuple[str, tuple[int, int] | None]]] = {}
-    for table in wanted:
-        chosen.setdefault(where[table][0], []).append((table, where[table][1]))
-    layouts = {kind: _layout(messages[kind]) for kind in chosen}
-    waiting: dict[str, tuple[list[int], list[bytes]]] = {table: ([], []) for table in wanted}
-    kinds = {table: where[table][0] for table in wanted}
+    messages, where = mavlink(log.path).mavlink_map, _index(log.path).where
+    tables = {where[table]: table for table in wanted}
     size = max(log.path.stat().st_size, 1)
-    for time, kind, sender, payload, done in _records(log.path, messages, _Skipped()):
-        for table, wanted_sender in chosen.get(kind, ()):
-            if wanted_sender in (None, sender):
-                times, payloads = waiting[table]
-                times.append(time)
-                payloads.append(payload.ljust(layouts[kind].itemsize, b"\0"))
-                if len(times) >= BLOCK_ROWS:
-                    yield _block(table, wanted[table], times, payloads, layouts[kind], done / size)
-                    waiting[table] = ([], [])
-    for table, (times, payloads) in waiting.items():
-        if times:
-            yield _block(table, wanted[table], times, payloads, layouts[kinds[table]], 1.0)
+
+    def rows() -> Iterator[tuple[str, tuple[int, bytes], float]]:
+        for time, kind, sender, payload, done in _records(log.path, messages, Counter()):
+            if table := tables.get((kind, sender)):
+                yield table, (time, payload.ljust(_layout(messages[kind]).itemsize, b"\0")), done / size
+
+    def block(table: str, rows: list[tuple[int, bytes]], done: float) -> Block:
+        cells = np.frombuffer(b"".join(payload for _, payload in rows), _layout(messages[where[table][0]]))
+        columns = {name: _column(cells, name) for name in wanted[table] if name != LOG_TIME}
+        if LOG_TIME in wanted[table]:
+            columns[LOG_TIME] = np.array([time for time, _ in rows], np.int64)
+        return Block(table, columns, done)
+
+    return in_blocks(rows(), block)
 
 
-def _block(table: str, names: Any, times: list[int], payloads: list[bytes], layout: np.dtype, done: float) -> Block:
-    rows = np.frombuffer(b"".join(payloads), layout)
-    columns = {}
-    for name in names:
-        if name == LOG_TIME:
-            columns[name] = np.array(times, np.int64)
-        else:
-            field, _, element = name.partition("[")
-            values = rows[field][:, int(element[:-1])] if element else rows[field]
-            columns[name] = as_column(np.ascontiguousarray(values))
-    return Block(table, columns, min(done, 1.0))
+def _column(rows: np.ndarray, name: str) -> np.ndarray:
+    """Return a field of messages, or an element of one that is an array."""
+    field, _, element = name.partition("[")
+    return as_column(np.ascontiguousarray(rows[field][:, int(element[:-1])] if element else rows[field]))
 
 
-@kept_index
+@kept_per_file(4)
 def _index(path: Path) -> _Index:
-    """Count the messages of each type and sender."""
+    """Count the messages of each type and sender; kept, since a catalogue is followed by a reading."""
     messages = mavlink(path).mavlink_map
-    counts: dict[int, dict[tuple[int, int], int]] = {}
-    skipped = _Skipped()
-    for _, kind, sender, _, _ in _records(path, messages, skipped):
-        systems = counts.setdefault(kind, {})
-        systems[sender] = systems.get(sender, 0) + 1
-    notes = (f"{skipped.count} bytes of the log are no messages and were passed over",) if skipped.count else ()
+    skipped: Counter[str] = Counter()
+    counts = Counter((kind, sender) for _, kind, sender, _, _ in _records(path, messages, skipped))
+    senders = Counter(kind for kind, _ in counts)
+    notes = (f"{skipped['bytes']} bytes of the log are no messages and were passed over",) if skipped else ()
     tables, where = [], {}
-    for kind, systems in sorted(counts.items()):
-        message = messages[kind]
-        columns = (ColumnInfo(LOG_TIME, "us"), *_columns(message))
+    for (kind, sender), number in sorted(counts.items()):
+        columns = (ColumnInfo(LOG_TIME, "us"), *_columns(messages[kind]))
         clocks = (LOG_TIME, *(column.name for column in columns if column.name in _CLOCKS))
-        for sender, number in sorted(systems.items()):
-            name = message.msgname + (f" of {sender[0]}/{sender[1]}" if len(systems) > 1 else "")
-            tables.append(TableInfo(name, columns, clocks, number, notes=notes))
-            where[name] = (kind, sender if len(systems) > 1 else None)
+        name = messages[kind].msgname + (f" of {sender[0]}/{sender[1]}" if senders[kind] > 1 else "")
+        tables.append(TableInfo(name, columns, clocks, number, notes=notes))
+        where[name] = (kind, sender)
     return _Index(tuple(tables), where)
 
 
 def _records(
-    path: Path, messages: Mapping[int, Any], skipped: _Skipped
+    path: Path, messages: Mapping[int, Any], skipped: Counter[str]
 ) -> Iterator[tuple[int, int, tuple[int, int], bytes, int]]:
     """Yield the time, type, sender and payload of every message whose check bytes are right, and how far the log is read."""
     checksum = mavlink(path).x25crc
@@ -211,7 +176,7 @@ def _records(
                 packet = _packet(piece, at, messages, checksum)
                 if packet is None:
                     at += 1
-                    skipped.count += 1
+                    skipped["bytes"] += 1
                     continue
                 kind, sender, payload, length = packet
                 if kind in messages:
@@ -267,7 +232,7 @@ def _layout(message: Any) -> np.dtype:
         if code in "sc":
             fields.append((name, f"S{count or 1}"))
         else:
-            fields.append((name, _NUMBERS[code], (int(count),)) if count else (name, _NUMBERS[code]))
+            fields.append((name, f"{count}<{code}"))  # NumPy calls these types as struct does
     return np.dtype(fields)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from seatrial.core.errors import InputError, nearest
 from seatrial.logs.formats.protocol import (
@@ -161,9 +161,7 @@ def _whole(name: str, columns: Mapping[str, np.ndarray], pairs: Mapping[str, tup
     return seconds * 10**9 + nanos
 
 
-def _read(
-    log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str], words: Sequence[str] = ()
-) -> RawTable:
+def _read(log: LogFile, table: str, columns: Sequence[str], stamps: Sequence[str], words: Sequence[str]) -> RawTable:
     """Read columns, refusing cells that are not numbers; stamps stay whole numbers, or decimal ones as text, and words words."""
     layout = _survey(log)
     pairs = split_stamps(layout.names)
@@ -223,12 +221,9 @@ def _checked(
     import pandas as pd
 
     values = _floats(cells)
-    for bad, expected in (
-        (np.isnan(values) & np.asarray(pd.notna(cells)), "a number"),
-        (np.isinf(values), "a finite number"),
-    ):
-        if bad.any():
-            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected, remedy)
+    is_text = np.isnan(values) & np.asarray(pd.notna(cells))
+    _refuse(is_text, log, first, place, name, "a number", remedy)
+    _refuse(np.isinf(values), log, first, place, name, "a finite number", remedy)
     return values
 
 
@@ -260,19 +255,13 @@ def _stamps(cells: np.ndarray, log: LogFile, first: int, place: int, name: str) 
     if signs_of(log).decimal == ",":
         texts = np.strings.replace(texts, b",", b".")
     length, point = np.strings.str_len(texts), np.strings.find(texts, b".")
-    for bad, expected in (
-        (length == 0, "a time stamp in every row"),
-        (length > _MAX_STAMP_LENGTH, f"a time stamp of at most {_MAX_STAMP_LENGTH} characters"),
-    ):
-        if bad.any():
-            raise _bad_cell(log, first + int(bad.argmax()), place, name, expected, _NO_STAMP)
+    _refuse(length == 0, log, first, place, name, "a time stamp in every row", _NO_STAMP)
+    expected = f"a time stamp of at most {_MAX_STAMP_LENGTH} characters"
+    _refuse(length > _MAX_STAMP_LENGTH, log, first, place, name, expected, _NO_STAMP)
     if is_date(texts[0].decode("utf-8", "replace")):
         dates, none = nanoseconds([text.decode("utf-8", "replace") for text in texts])
-        if none.any():
-            row = first + int(none.argmax())
-            raise _bad_cell(
-                log, row, place, name, "a date and time of the calendar, in the zone of the first", _NO_DATE
-            )
+        expected = "a date and time of the calendar, in the zone of the first"
+        _refuse(none, log, first, place, name, expected, _NO_DATE)
         return dates, 0
     decimals = np.where(point < 0, 0, length - 1 - point)
     with suppress(ValueError, OverflowError):
@@ -447,9 +436,13 @@ def _no_rows(log: LogFile, is_empty: bool) -> InputError:
     )
 
 
-def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str, remedy: str = "") -> InputError:
-    """Return the error about one cell, with its line and text."""
-    line, _, cells = _row(log, row)
+def _refuse(
+    bad: Bool[np.ndarray, " n"], log: LogFile, first: int, place: int, name: str, expected: str, remedy: str
+) -> None:
+    """Refuse the first bad cell of some rows of a column, if there is one, with its line and text."""
+    if not bad.any():
+        return
+    line, _, cells = _row(log, first + int(bad.argmax()))
     cell = _cells(log, cells)[place]
     whole, comma, part = cell.lstrip("+-").partition(",")
     remedy = remedy or (
@@ -457,7 +450,7 @@ def _bad_cell(log: LogFile, row: int, place: int, name: str, expected: str, reme
         if comma and whole.isdigit() and part.isdigit()
         else "correct the cell, leave it empty if there is no measurement, or map another column"
     )
-    return InputError(
+    raise InputError(
         f'{log.path}, row {line}, column "{name}"',
         found=repr(cell[:60]) if cell else "an empty cell",
         expected=expected,

@@ -7,13 +7,13 @@ import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from seatrial.core.errors import InputError
+from seatrial.core.files import kept_per_file
 from seatrial.logs.formats.protocol import LogFile, TextLayout
 
 WHITESPACE = "whitespace"
@@ -55,13 +55,12 @@ def signs_of(log: LogFile) -> TextSigns:
     Raises:
         InputError: a separator that is none, or one that nothing tells.
     """
-    stat = log.path.stat() if log.path.is_file() else None
-    return _signs(log.path, log.layout, *((stat.st_size, stat.st_mtime_ns) if stat else (0, 0)))
+    return _signs(log.path, log.layout)
 
 
-@lru_cache(maxsize=16)
-def _signs(path: Path, layout: TextLayout, size: int, changed: int) -> TextSigns:
-    lines = _first_lines(path, layout) if size else []
+@kept_per_file(16)
+def _signs(path: Path, layout: TextLayout) -> TextSigns:
+    lines = _first_lines(path, layout)
     mark = _separator(path, layout, lines)
     rows = [_cells(line, mark) for line in lines]
     below = [cell for row in rows[1:] for cell in row]

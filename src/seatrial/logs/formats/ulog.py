@@ -7,7 +7,6 @@ import io
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
-from pathlib import Path
 from typing import Any
 
 from seatrial.logs.formats.protocol import (
@@ -20,6 +19,7 @@ from seatrial.logs.formats.protocol import (
     TableInfo,
     Wanted,
     as_column,
+    begins_with,
     optional,
 )
 
@@ -39,10 +39,6 @@ class _Stream(io.BufferedReader):
         data = super().read(size)
         self.is_whole = size == _MESSAGE_HEAD and not data
         return data
-
-
-def _recognises(path: Path, head: bytes) -> bool:
-    return head.startswith(_MAGIC)
 
 
 def _catalogue(log: LogFile) -> tuple[TableInfo, ...]:
@@ -121,4 +117,4 @@ def _is_listed(name: str) -> bool:
     return not last.startswith("_padding") and int(element) < MAX_ELEMENTS
 
 
-FORMAT = LogFormat("a PX4 log", (".ulg",), _recognises, _catalogue, _blocks, memory=_MEMORY)
+FORMAT = LogFormat("a PX4 log", (".ulg",), begins_with(_MAGIC), _catalogue, _blocks, memory=_MEMORY)
