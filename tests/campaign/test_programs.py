@@ -41,7 +41,7 @@ def test_every_command_needs_few_programs(tmp_path, programs):
     assert programs(design, campaign) <= 3
     assert programs(simulated_records, campaign) <= 2
     assert programs(lambda: check_records(campaign, get_trials(campaign))) <= 3
-    assert programs(predict_from_prior, campaign) <= 4
+    assert programs(predict_from_prior, campaign) <= 5  # One repeats draws that diverge, with shorter steps
     assert programs(posterior_modes, campaign, get_trials(campaign)) <= 10
 
 

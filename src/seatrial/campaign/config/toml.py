@@ -350,8 +350,8 @@ def _as_input_error(
         )
     alike, field = [error for other, error in errors if other == place], field_at(schema, place)
     expected = " or ".join(dict.fromkeys(map(_expected, alike)))
-    if first["type"] == "string_pattern_mismatch" and field is not None:
-        expected = str(field.description)
+    if first["type"] == "string_pattern_mismatch" and field is not None and field.description:
+        expected = field.description
     return InputError(
         where,
         found=_shown(first.get("input")),

@@ -96,7 +96,7 @@ def names_in(names: Sequence[str], configuration: str | None, place: str) -> dic
             found="nothing" if configuration is None else f'"{configuration}"',
             expected=f"a configuration: {', '.join(known)}"
             if known
-            else "nothing, because no value differs between them",
+            else "nothing, because no coefficient differs between configurations",
             remedy=nearest(configuration or "", known) if known else "leave it out",
         )
     return {

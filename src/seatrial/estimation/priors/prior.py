@@ -7,7 +7,7 @@ positive if and only if X_udot < m.
 """
 
 from collections.abc import Callable, Sequence
-from math import inf
+from math import inf, sqrt
 from typing import TYPE_CHECKING, Any, Protocol
 
 import jax
@@ -20,7 +20,7 @@ from seatrial.core.errors import InputError
 from seatrial.core.signals import RATES
 from seatrial.estimation.priors.box import LogUniform, Uniform
 from seatrial.estimation.priors.density import prior_of_density
-from seatrial.estimation.priors.normal import Normal
+from seatrial.estimation.priors.normal import LogNormal, Normal
 from seatrial.estimation.priors.truncated import TruncatedNormal, truncated_normal
 
 CURVE = 241  # Points of a prior's curve
@@ -97,12 +97,15 @@ def by_kind(priors: Sequence[Prior], function: Callable[..., Any], *columns: Arr
 
 
 def nominal(prior: Prior) -> float:
-    """Return the value that stands for a prior where a vehicle needs one: that of a z of 0.
+    """Return the value that stands for a prior where a vehicle needs one: its mean, or the median of a log-normal or log-uniform one.
 
-    It is the mean of a normal and of a uniform, cut ones among them, and the median where z is that of a logarithm. The mean of a
-    log-normal is far beyond what is likely: with a factor of 8 it is 8.7 times the median.
+    The mean of a log-normal is far beyond what is likely: with a factor of 8 it is 8.7 times the median.
     """
-    return float(prior.constrain(0.0))
+    if isinstance(prior, LogNormal):
+        return prior.median
+    if isinstance(prior, LogUniform):
+        return sqrt(prior.lower * prior.upper)
+    return prior.mean
 
 
 def prior_curve(prior: Prior) -> tuple[jax.Array, jax.Array]:
