@@ -31,6 +31,18 @@ MISTAKES = {
         ["remus100_prestero", "--to", "control", "--speeds", "1,5 m/s"],
         ["--speeds", "separate speeds by spaces, or by commas with a space, and write 1.5"],
     ),
+    "speeds without a unit": (
+        ["remus100_prestero", "--to", "control", "--speeds", "1, 1.5"],
+        ["--speeds", 'write "1, 1.5 m/s"'],
+    ),
+    "a speed astern": (
+        ["remus100_prestero", "--to", "control", "--speeds", "-1 m/s"],
+        ["--speeds", "0 m/s or more", 'write "1 m/s"'],
+    ),
+    "draws of another target into a folder": (
+        ["remus100_prestero", "--to", "json", "--draws", "9", "--out", "there"],
+        ["json, --draws", "control, draws"],
+    ),
     "a density without unit": (["remus100_prestero", "--to", "gz", "--density", "1025"], ["--density", "kg/m^3"]),
     "part of a vehicle": (
         ["remus100_surge", "--to", "gz"],

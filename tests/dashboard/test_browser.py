@@ -493,10 +493,10 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
 
         field.fill(before.replace("upper = 1.2", "upper = 1.0"))
         save.click()
-        page.get_by_text("Saved. Results made before").wait_for()
+        page.get_by_text("Saved. Earlier results may be stale").wait_for()
         assert path.read_text() == before.replace("upper = 1.2", "upper = 1.0")
         page.wait_for_timeout(4000)  # the form is built again, as the file has changed
-        assert page.get_by_text("Saved. Results made before").count() == 1
+        assert page.get_by_text("Saved. Earlier results may be stale").count() == 1
 
         # What somebody else writes is shown where nothing was typed; it is never overwritten.
         path.write_text(before)
@@ -515,7 +515,7 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         assert "upper = 1.1" in typed.input_value()
         typed.fill(typed.input_value() + "\n# by another hand\n")
         page.get_by_role("button", name="Check and save").click()
-        page.get_by_text("Saved. Results made before").wait_for()
+        page.get_by_text("Saved. Earlier results may be stale").wait_for()
         assert path.read_text() == before.replace("upper = 1.2", "upper = 1.1") + "\n# by another hand\n"
 
         # A file that is no campaign any more can still be mended here.
@@ -523,7 +523,7 @@ def test_the_whole_file_is_edited_and_a_mistake_marked(tmp_path, page):
         page.goto(f"{address}file?campaign=.")
         page.get_by_label("campaign.toml, as TOML").fill(before)
         page.get_by_role("button", name="Check and save").click()
-        page.get_by_text("Saved. Results made before").wait_for()
+        page.get_by_text("Saved. Earlier results may be stale").wait_for()
     assert page.said == []
     assert path.read_text() == before
 

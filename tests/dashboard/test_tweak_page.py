@@ -95,7 +95,7 @@ def test_sliders_move_by_keyboard_and_a_start_is_written_only_when_asked(tmp_pat
         first, thrust_first = float(field.input_value()), thrust.input_value()
         for _ in range(8):
             page.keyboard.press("ArrowRight")
-        assert float(field.input_value()) > first
+        page.wait_for_function("([one, first]) => Number(one.value) > first", arg=[field.element_handle(), first])
         page.get_by_text(re.compile(r"moved, 0\.[34] standard deviations above")).wait_for()
         assert slider.get_attribute("aria-valuetext") == f"{float(field.input_value()):.12g} kg/m"
         page.locator("[role=status]", has_text="of the posterior is farther").wait_for(state="attached")

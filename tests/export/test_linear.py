@@ -251,10 +251,15 @@ def test_a_bode_plot_has_the_natural_frequencies():
 def test_cautions_of_an_undecided_model_and_of_speeds_without_records():
     vehicle = published()
     undecided = replace(vehicle, estimated=replace(vehicle.estimated, quoted="averaged"))
-    exporter = make_exporter("control", speeds=(1.0, 1.5), count=8)
+    exporter = make_exporter("control", speeds=(1.0, 1.5), count=50)
     lines = exporter.notes(undecided, replace(PROVENANCE, speeds=(1.2, 1.8)))
     cautions = [line for line in lines if line.startswith("caution")]
     assert cautions[0].startswith(f"caution: {OF_ONE_MODEL}")
     assert cautions[1:] == ["caution: 1 m/s lies outside the speeds of the fitted records, 1.2 to 1.8 m/s"]
-    assert not any("caution" in line for line in exporter.notes(vehicle, PROVENANCE))
+    few = make_exporter("control", speeds=(1.0,), count=9).notes(vehicle, replace(PROVENANCE, speeds=None))
+    assert [line for line in few if line.startswith("caution")] == [
+        "caution: a ± of 9 draws is itself uncertain by 25 %",
+        "caution: the speeds of the fitted records are not known, because u was not measured",
+    ]
+    assert not any("caution" in line for line in exporter.notes(vehicle, replace(PROVENANCE, speeds=(0.5, 2.0))))
     assert f"caution: {OF_ONE_MODEL}" in make_exporter("draws", count=8).notes(undecided, PROVENANCE)

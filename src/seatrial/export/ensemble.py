@@ -88,7 +88,7 @@ def ensemble_of(vehicle: ExportedVehicle, count: int = DRAWS, seed: int = 0) -> 
         InputError: a count that is none, or a posterior of which hardly any vehicle can move.
     """
     place = f'vehicle "{vehicle.name}", draws'
-    check_count(count, place, least=2)
+    check_count(count, place, least=2, remedy=f"some hundreds are enough, and {MOST_DRAWS} the most")
     if count > MOST_DRAWS:
         raise InputError(place, found=f"{count}", expected=f"at most {MOST_DRAWS}", remedy="some hundreds are enough")
     estimated, kept, replaced = vehicle.estimated, [], Counter()

@@ -16,8 +16,7 @@ def no_record(campaign: Campaign) -> InputError:
         campaign.where("import"),
         found="neither [import] nor [truth], so there is no trial",
         expected="the log of a trial, or a vehicle to simulate",
-        remedy=f"{first}run the trial of {schedule}, put its log into {campaign.folder}, and add to the file, from the output of {log} "
-        f"prints:\n"
+        remedy=f"{first}run the trial of {schedule}, put its log into {campaign.folder}, and add to the file, as {log} prints it:\n"
         + _indented(import_example(campaign))
         + "\n  or, to simulate it, a value of each coefficient:\n"
         + _indented(truth_example(campaign)),

@@ -106,7 +106,8 @@ def _vehicle(
         named = {"fill_from" if name == "rest" else name: value for name, value in chosen.items()}
         _only("a published vehicle", **named)
     here = Path(what) / "export" if is_folder else Path("export") / what
-    folder = out or here / make_exporter(to, _OPTIONS, **options).name
+    own = here / make_exporter(to, _OPTIONS, **options).name
+    folder = out or own
     # What is lost is printed before anything is written.
     statement, paths = export_to(
         what,
@@ -138,8 +139,14 @@ def _speeds(text: str) -> tuple[float, ...]:
         )
     *others, last = re.split(r",\s*|\s+(?=[-+.\d])", text.strip(" ,"))
     unit = last.lstrip("-+.0123456789")
-    each = (one if re.search("[a-z]", one) else one + unit for one in others)
-    return tuple(dict.fromkeys(quantity(one, "m/s", "--speeds") for one in (*each, last)))
+    each = (one if re.search("[a-z]", one) else one + (unit or " m/s") for one in (*others, last))
+    ahead = tuple(dict.fromkeys(quantity(one, "m/s", "--speeds") for one in each))
+    if not unit or min(ahead) < 0:
+        remedy = f'write "{text.strip().replace("-", "")}{"" if unit else " m/s"}"'
+        raise InputError(
+            "--speeds", found=f'"{text}"', expected="speeds ahead, 0 m/s or more, with a unit", remedy=remedy
+        )
+    return ahead
 
 
 def _trial(folder: Path, to: str | None, out: Path | None, schedule: str | None) -> Exit:

@@ -28,6 +28,7 @@ _HOLDS = "none of first order about each trim below; away from it linear models 
 _VERDICTS = {"": "", "published": " (by published values only)", "undetermined": " (not determined by the data)"}
 _DECADES, _POINTS = (-1.5, 1.5), 40  # Of a Bode plot about its fastest and slowest pole
 # Points of a Bode plot about a natural frequency, in units of its half width.
+FEW_DRAWS = 50  # Fewer do not give a ± to a tenth of itself
 _NEAR = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
 
 
@@ -98,6 +99,10 @@ class Control(Exporter):
         ]
         if vehicle.estimated.quoted == "averaged":
             lines.append(f"caution: {OF_ONE_MODEL}; compare --structure with the labels of others")
+        if 0 < size < FEW_DRAWS:
+            lines.append(f"caution: a ± of {size} draws is itself uncertain by {100 / np.sqrt(2 * (size - 1)):.0f} %")
+        if size and provenance.speeds is None:
+            lines.append("caution: the speeds of the fitted records are not known, because u was not measured")
         for model in models:
             lines.append(f"at {model.speed:g} m/s, {_trim_words(vehicle, model)}:")
             lines += _beyond_records(model.speed, provenance.speeds)
