@@ -145,12 +145,12 @@ def ensemble_lines(vehicle: ExportedVehicle, ensemble: Ensemble) -> tuple[str, .
     lines = [
         f"draws: {count}, each with a positive definite mass matrix and damping that takes energy; {total} others were impossible and "
         f"replaced" + (f" ({_counts(ensemble.replaced)})" if total else ""),
-        "randomise, as standard deviations:",
+        "randomise by these standard deviations, or by whole rows of the draws, which keep the correlations:",
         *(f"  {_width_words(vehicle, width)}" for width in widths_of(vehicle.estimated)),
     ]
     lines += [f"caution: {OF_ONE_MODEL}"] if vehicle.estimated.quoted == "averaged" else []
     known = [name for name in vehicle.coefficients if name not in ensemble.names]
-    lines += [f"not in the draws, because they were not estimated: {' '.join(known)}"] if known else []
+    lines += [f"not in the draws, because they were not estimated: {' '.join(['mass', 'inertia', *known])}"]
     return (
         *lines,
         f"ellipsoid of {ellipsoid.probability:.0%} of the posterior: mean, covariance and r^2 = {ellipsoid.squared_radius:.4g}; "

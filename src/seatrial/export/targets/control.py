@@ -93,7 +93,7 @@ class Control(Exporter):
         ensemble, models = self._models(vehicle)
         size = 0 if ensemble is None else len(ensemble.values)
         lines = [
-            f"linear models, with ± as half the width of the central 68 % of {size} draws"
+            f"linear models, with ± as half the width of the central 68 % of {size} draws of the estimated coefficients"
             if size
             else "linear models without ±: all values are published"
         ]
